@@ -1,0 +1,195 @@
+"""What the experiment of laws says of runs, by runs and numbers made by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from importlib import import_module
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from adaptctl.dynamics import load
+from adaptctl.experiments.contest import ADAPTATION_OFF, Outcome, _gravity, listed, thinning
+from adaptctl.experiments.laws import Laws, ParameterErrors, Recovery, _drifted, _recoveries, _span, each, held_back
+from adaptctl.experiments.laws_controllers import deviations, friction_columns
+from adaptctl.identifiability import ReducedModel
+from adaptctl.recording import ControllerRun
+from adaptctl.simulation.effects import ElasticJoints, Encoder, Friction, PayloadHeld
+
+laws = import_module("adaptctl.experiments.laws")
+ARM = load("two_link")
+STEP = 0.01
+
+
+def run_of(error: Any, name: str = "gradient", **rollout: Any) -> ControllerRun:
+    """Run of one joint, of errors in rad every 10 ms."""
+    size = np.asarray(error, dtype=float)
+    time = STEP * np.arange(len(size))
+    parts = {"error": size[:, None], "time": time, "sample_time": STEP, "terminated": False, "control_period": STEP,
+             "estimate": np.zeros((len(size), 0)), "flags": {}, "clipped": np.zeros(len(size)), "interrupted": False,
+             "duration": STEP * len(size), "every": 1}  # fmt: skip
+    return ControllerRun(name, name.title(), "", SimpleNamespace(**parts | rollout))  # type: ignore[arg-type]
+
+
+def test_a_law_is_back_when_two_seconds_are_below_twice_the_earlier() -> None:
+    error = np.full(1000, 0.001)
+    error[200:300] = 0.01  # a share x of these in 2 s has 100 x + 1 - x < 4: less than 7 samples
+    found = Recovery.of(run_of(error), "drop", 0.001, 2.0, 9.0)
+    assert found.time == pytest.approx(1.0 - 0.06)
+    assert found.left == pytest.approx(1.0)
+    (finding,) = found.findings
+    assert (finding.name, finding.unit, finding.value) == ("return_after_drop.gradient", "s", found.time)
+    error[500:] = 0.005
+    lost = Recovery.of(run_of(error), "last drop", 0.001, 5.0, 20.0)
+    assert (lost.time, lost.left) == (None, pytest.approx(5.0))
+    (finding,) = lost.findings
+    assert (finding.name, finding.unit) == ("not_back_after_last_drop.gradient", "1")
+    assert Recovery.of(run_of(error), "drop", 0.001, 3.0, 4.9).time is None  # no whole window before the end
+    assert Recovery.of(run_of(error), "drop", 0.001, 3.0, 5.0).time == pytest.approx(0.0, abs=1e-9)
+
+
+def test_events_are_the_first_and_the_last_pickup_and_drop() -> None:
+    of: Any = SimpleNamespace(payload_start=3.0, payload_stop=6.0, turn=10.0, payload_cycles=3)
+    outcome = Outcome(ARM, (run_of(np.full(3000, 0.002)), run_of(np.full(2400, 0.002), "late")), True)
+    found = [(one.run.name, one.event, one.earlier) for one in _recoveries(of, outcome)]
+    events = ["pickup", "drop", "last pickup", "last drop"]
+    assert found == [("gradient", event, pytest.approx(0.002)) for event in events] + [
+        ("late", event, pytest.approx(0.002)) for event in events[:3]
+    ]
+    of.payload_cycles = 1
+    assert [one.event for one in _recoveries(of, outcome)] == ["pickup", "drop"] * 2
+
+
+def test_parameter_errors_are_weighed_by_torques_and_over_those_of_the_truth() -> None:
+    regrouping = np.array([[1.0, 0.0, 2.0], [0.0, 1.0, 0.0]])
+    model: Any = SimpleNamespace(regrouping=regrouping, fundamental_parameters=np.array([3.0, 4.0]))
+    errors = ParameterErrors(model, np.array([2.0, 1.0]))
+    own = np.array([[3.0, 4.0], [3.0, 0.0], [0.0, 4.0]])
+    expected = np.array([0.0, 4.0, 6.0]) / np.hypot(6.0, 4.0)
+    assert errors.of(run_of(np.zeros(3), estimate=own)) == pytest.approx(expected)
+    every = np.array([[1.0, 4.0, 1.0], [3.0, 0.0, 0.0], [2.0, 4.0, -1.0]])  # the same by all parameters
+    assert errors.of(run_of(np.zeros(3), estimate=every)) == pytest.approx(expected)
+    assert errors.of(run_of(np.zeros(3))) is None
+
+
+def test_drift_is_of_the_last_quarter_from_the_third_by_the_minute(monkeypatch: pytest.MonkeyPatch) -> None:
+    model: Any = SimpleNamespace(regrouping=np.eye(1), fundamental_parameters=np.array([2.0]))
+    monkeypatch.setattr(ParameterErrors, "along", lambda *_: ParameterErrors(model, np.ones(1)))
+    estimate = np.repeat([9.0, 9.0, 1.0, 1.5], 300)[:, None]  # 0.25 of the truth in 3 s
+    runs = run_of(np.full(1200, 0.01), estimate=estimate), run_of(np.full(1200, 0.01), ADAPTATION_OFF)
+    of = Laws(robot="two_link", disturbance="none", control_period=2e-3)
+    told = _drifted(of, Outcome(ARM, runs, True), None)  # type: ignore[arg-type]
+    found = {one.name: one.value for one in told.findings}
+    assert found["drift.gradient"] == pytest.approx(0.25 * 20.0)
+    assert found["true_rms_error.gradient"] == pytest.approx(0.01)
+    assert found["delay"] == pytest.approx(0.5 * 2e-3)  # of a torque that is held
+    assert 0.001 < found["delay_margin"] < 0.5
+    assert told.answer is not None
+    assert "5" in told.answer
+    late = replace(of, delay=2, drive_time_constant=0.004, velocity_cutoff=10.0)
+    found = {one.name: one.value for one in _drifted(late, Outcome(ARM, runs, True), None).findings}  # type: ignore[arg-type]
+    assert found["delay"] == pytest.approx(2.5 * 2e-3 + 0.004 + 1.0 / (2.0 * np.pi * 10.0))
+
+
+def test_a_torque_is_held_back_by_any_limit() -> None:
+    flags = {"torque_limited": np.array([1.0, 0.0, 0.0, 0.0]), "other": np.ones(4)}
+    run = run_of(np.zeros(4), clipped=np.array([0.0, 1.0, 0.0, 0.0]), flags=flags)
+    assert held_back(run) == 0.5
+    rated = run_of(np.zeros(4), flags=flags | {"rate_limited": np.array([1.0, 0.0, 1.0, 1.0])})
+    assert held_back(rated) == 0.75
+
+
+def test_words_on_numbers() -> None:
+    assert _span([(3.0, "b"), (1.0, "a"), (2.0, "c")], "s") == "1 s (a) to 3 s (b)"
+    assert _span([(3.0, "b")]) == "3 (b)"
+    one, two = run_of(np.zeros(1)), run_of(np.zeros(1), "pd")
+    found = each([one, two], "size", "m", "of it", lambda run: 2.0 if run is two else None)
+    assert [(x.name, x.value, x.unit, x.meaning) for x in found] == [("size.pd", 2.0, "m", "Pd: of it")]
+    assert listed(np.array([1.0, 0.00012345, 12345.6])) == "1, 0.0001234, 1.235e+04"
+    assert _gravity(" 6.9, 0 -6.9 ") == (6.9, 0.0, -6.9)
+    assert _gravity("") is None
+
+
+@pytest.mark.parametrize(("samples", "every"), [(600_000, 1), (600_001, 21), (3_000_000, 100), (3_000_001, 101)])
+def test_long_runs_are_thinned_to_thirty_thousand_samples(samples: int, every: int) -> None:
+    assert thinning(samples) == every
+
+
+@pytest.mark.parametrize("largest", [-1, 0, 7, 44])
+def test_the_largest_bandwidth_is_the_last_that_is_stable(monkeypatch: pytest.MonkeyPatch, largest: int) -> None:
+    tried = 0.5 * 2.0 ** (np.arange(45) / 4.0)
+    assert tried[-1] == 1024.0
+    stable = set(tried[: largest + 1])
+    monkeypatch.setattr(laws, "_is_stable", lambda of, *_: of.bandwidth in stable)
+    found = laws._largest(Laws(robot="two_link"), None, None, "gradient")
+    assert found == (tried[largest] if largest >= 0 else 0.0)
+
+
+@pytest.mark.parametrize(
+    ("error", "over", "stable"), [(0.24, 0.0, True), (0.26, 0.0, False), (0.1, 0.009, True), (0.1, 0.011, False)]
+)
+def test_a_bandwidth_is_stable_by_its_last_third(
+    monkeypatch: pytest.MonkeyPatch, error: float, over: float, stable: bool
+) -> None:
+    time = np.arange(3000)
+    late = (time >= 2000)[:, None]
+    torque = np.where(time[:, None] < 2000 + 1000 * over, [59.0, 25.0], [59.9, 24.9])
+    runs = SimpleNamespace(time=time, v=np.where(late, error, 9.0) * np.ones(2), reference_v=np.zeros((3000, 2)),
+                           torque=np.where(late, torque, 99.0))  # fmt: skip
+    monkeypatch.setattr(laws, "simulate_many", lambda *_, **__: runs)
+    monkeypatch.setattr(laws, "controller", lambda *_: None)
+    plant, model = SimpleNamespace(torque_limits=np.array([60.0, 25.0])), SimpleNamespace(mechanism=ARM)
+    assert laws._is_stable(Laws(robot="two_link"), plant, model, "gradient") is stable
+    runs.v[-1] = np.nan
+    assert laws._is_stable(Laws(robot="two_link"), plant, model, "gradient") is False
+
+
+def test_disturbances_are_as_large_as_their_settings() -> None:
+    arm = load("puma560_friction")
+    of = Laws(robot="puma560_friction", disturbance="payload", payload=3.0, payload_size=0.2, payload_offset=0.1,
+              payload_start=4.0, payload_stop=8.0, payload_cycles=2, duration=24.0, stribeck=0.5, position_noise=1e-4,
+              laws=("gradient",))  # fmt: skip
+    found: dict[type, list[Any]] = {}
+    for each_of in of.effects(arm, 0.0):
+        found.setdefault(type(each_of), []).append(each_of)
+    held = found[PayloadHeld]
+    assert [(one.start, one.stop) for one in held] == [(4.0, 8.0), (16.0, 20.0)]
+    assert held[0].payload.mass == 3.0
+    assert held[0].payload.inertia == pytest.approx(3.0 * 0.2**2 / 6.0 * np.eye(3))  # of a cube
+    assert held[0].payload.center.tolist() == [0.0, 0.0, 0.1]
+    assert of.body(0.5).mass == 1.5
+    coulomb = [joint.drive.coulomb for joint in arm.primary_joints]
+    assert found[Friction][0].stribeck == pytest.approx(0.5 * np.array(coulomb))
+    assert found[Encoder][0].noise == 1e-4
+
+
+def test_springs_are_damped_by_a_twentieth_of_critical() -> None:
+    arm = load("puma560_geared")
+    (springs,) = Laws(laws=("gradient",)).effects(arm, 1e4)
+    assert isinstance(springs, ElasticJoints)
+    named = dict(zip(arm.parameter_names, arm.inertial_parameters, strict=True))
+    rotors = np.array([named[f"{joint.name}.rotor_inertia"] for joint in arm.primary_joints])
+    # two inertias on a spring swing as their parallel one does, which is below the rotor's
+    parallel = (np.asarray(springs.damping) / (2.0 * 0.05)) ** 2 / 1e4
+    assert ((parallel > 0.0) & (parallel < rotors)).all()
+    links = 1.0 / (1.0 / parallel - 1.0 / rotors)
+    from adaptctl.control import typical_inertia
+
+    assert links + rotors == pytest.approx(typical_inertia(arm), rel=1e-3)  # a wrist has no less than a thousandth
+
+
+def test_deviations_of_a_body_are_those_of_its_size() -> None:
+    model = ReducedModel.full(ARM)
+    mass, offset, moment = 2.0, 0.3, 0.05
+    body = [mass, mass * offset, 0.0, 0.0, 0.0, 0.0, moment + mass * offset**2, 0.0, 0.0, moment + mass * offset**2]
+    found = deviations(model, np.concatenate([body, body, np.zeros(len(ARM.parameter_names) - 20)]), 0.1)
+    # the second moments of mass, of which the trace is half of that of the inertia
+    second = 0.5 * 2.0 * (moment + mass * offset**2)
+    assert found[:10] == pytest.approx(0.1 * np.array([mass, *[np.sqrt(mass * second)] * 3, *[second] * 6]))
+    friction = load("puma560_friction")
+    names = friction.parameter_names
+    found_columns = dict(friction_columns(ReducedModel.full(friction)))
+    assert {names[k].partition(".")[0] for k in found_columns} == {joint.name for joint in friction.primary_joints}
+    assert all(names[k].startswith(f"{friction.primary_joints[j].name}.") for k, j in found_columns.items())
