@@ -1,7 +1,9 @@
-"""Environment of an arm that presses on a table (extra `mujoco`)."""
+"""Environment of an arm that presses on a table or a wall, and is pushed (extra `mujoco`)."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,44 +19,56 @@ from adaptctl.envs.tracking import TrackingEnv
 from adaptctl.errors import InputError
 from adaptctl.optional_packages import needed
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant
+from adaptctl.simulation.push import HandPush
 from adaptctl.tuning import with_friction
 
 if TYPE_CHECKING:
     import mujoco
 
+SCENES = ("table", "wall", "air")
 WRIST = ("joint4", "joint5", "joint6")
 LINKS = ("link1", "link2", "link3")
 LINK, TOOL, POSTURE = LINKS[-1], (0.0, 0.0, 0.48935), (0.0, -1.5, 3.0)
 """m: flange of a PUMA 560 whose wrist is straight; rad: where inverse kinematics begins"""
 CENTER, SWING, RATE = (0.5, 0.15, 0.55), (0.1, 0.25, 0.1), (0.4, 0.3, 0.5)
 """m, m and Hz: the tool's motion in the air"""
-HEIGHT, CLEARANCE, DEPTH = 0.35, 0.015, 0.05
-"""m: height of the tool on the table, and of its path above and behind it"""
+NEARER = (0.45, 0.05, 0.45)
+"""m: center of a motion that does not end, whose sinusoids meet at their greatest"""
+INTO = {"table": np.array([0.0, 0.0, -1.0]), "wall": np.array([1.0, 0.0, 0.0])}
+"""directions into the surfaces"""
+TOUCHED = {"table": np.array([0.5, 0.15, 0.35]), "wall": np.array([0.65, 0.15, 0.35])}
+"""m: where the tool touches them"""
+CLEARANCE, DEPTH = 0.015, 0.05
+"""m: of the path, before the surface and behind it"""
 WIPE, WIPE_RATE = 0.2, 0.2
-"""m and Hz: the tool's motion along the table"""
+"""m and Hz: the tool's motion along the surface"""
 STOPS, ABOVE, BEHIND = (5.5, 7.0), (7.0, 9.0), (9.0, 12.0)
-"""s: from when to when the motion in the air ends, and the path goes above and behind the table"""
+"""s: from when to when the motion in the air ends, and the path goes before and behind the surface"""
 KNOT, OVERRUN = 0.02, 1.0
 """s: between positions of the path, and after the end"""
-RADIUS, TABLE = 0.02, (0.3, 0.4, 0.02)
-"""m: of the tool, a ball, and half of the table's sizes"""
-TABLE_MASS, DAMPING_RATIO, FRICTION = 0.3, 0.25, (0.2, 0.005, 0.0001)
+RADIUS, THICKNESS, WIDTH, LENGTH = 0.02, 0.02, 0.4, 0.3
+"""m: of the tool, a ball, and half of the surface's sizes"""
+SURFACE_MASS, DAMPING_RATIO, FRICTION = 0.3, 0.25, (0.2, 0.005, 0.0001)
 TIME_STEP, SOFTNESS = 2.5e-4, (0.01, 1.0)
 """s, and MuJoCo's `solref` of the contact"""
 
 
 class ContactEnv(TrackingEnv):
     """
-    Task of a PUMA 560 that moves in the air, presses on a table and wipes it, simulated by MuJoCo.
+    Task of a PUMA 560 that presses on a table or a wall, or is pushed by a hand, simulated by MuJoCo.
 
     Parameters
     ----------
     robot : str or Mechanism, default "puma560_geared"
         A PUMA 560. Its wrist is held straight, so that three joints move; or is locked already.
+    scene : {"table", "wall", "air"}, default "table"
+        What the tool presses on and wipes after a motion in the air; or nothing, so that the motion goes on.
     surface : float, default 1e4
-        Stiffness of the table in N/m, of a stiff foam.
+        Stiffness of the table or wall in N/m, of a stiff foam.
+    pushes : sequence of HandPush, optional
+        Forces of hands on the links. Those without a body act on the tool. Default: none.
     duration : float, default 20.0
-        Length of an episode in s. The tool touches the table after about 10 s.
+        Length of an episode in s. The tool touches the surface after about 10 s.
     control_period : float, default 0.001
         Time in s for which a torque is held. 1 kHz is the rate of most torque interfaces.
     error_bound : float, default 1.0
@@ -63,13 +77,13 @@ class ContactEnv(TrackingEnv):
     Raises
     ------
     InputError
-        If a number is bad, or the robot has no joints of a PUMA 560.
+        If a number, a scene or a pushed link is bad, or the robot has no joints of a PUMA 560.
     MissingExtraError
         If MuJoCo is not installed.
 
     Notes
     -----
-    The path, a spline through inverse kinematics, goes 5 cm behind the table: how hard the tool presses is the
+    The path, a spline through inverse kinematics, goes 5 cm behind the surface: how hard the tool presses is the
     controller's choice. `info["flags"]` has the force on the arm in N and its point in m, `contact_force_x` to
     `contact_point_z`. Spaces, reward and options are those of `TrackingEnv`.
 
@@ -84,16 +98,27 @@ class ContactEnv(TrackingEnv):
         self,
         robot: str | Mechanism = "puma560_geared",
         *,
+        scene: str = "table",
         surface: float = 1e4,
+        pushes: Sequence[HandPush] = (),
         duration: float = 20.0,
         control_period: float = 1e-3,
         error_bound: float = 1.0,
     ) -> None:
         arm = of_three_joints(load(robot) if isinstance(robot, str) else robot)
-        scene = over_a_table(arm, positive_number(surface, "surface: expected a stiffness in N/m above 0"))
+        validate_scene(scene)
+        model = beside(arm, scene, positive_number(surface, "surface: expected a stiffness in N/m above 0"))
         limits, body = torque_limits(arm, None, finite=True), arm.links[0].name
-        plant = MuJoCoPlant(arm, control_period_of(control_period), torque_limits=limits, model=scene, body=body)
-        self._set_task(plant, joint_path(arm, duration), duration, error_bound=error_bound)
+        at_tool = tuple(push if push.body else replace(push, body=LINK, point=_tool(arm)) for push in pushes)
+        given: Any = {"torque_limits": limits, "model": model, "body": body, "pushes": at_tool}
+        plant = MuJoCoPlant(arm, control_period_of(control_period), **given)
+        self._set_task(plant, joint_path(arm, duration, scene), duration, error_bound=error_bound)
+
+
+def validate_scene(scene: object) -> None:
+    """Raise `InputError` unless there is such a scene."""
+    if scene not in SCENES:
+        raise InputError(f"scene: expected {', '.join(SCENES)}, got {scene!r}")
 
 
 def of_three_joints(robot: Mechanism) -> Mechanism:
@@ -104,13 +129,16 @@ def of_three_joints(robot: Mechanism) -> Mechanism:
     return with_friction(arm)
 
 
-def tool_path(time: Array) -> Array:
-    """Path (T, 3) of the tool in m: in the air, down to behind the table, along it."""
-    t = time[:, None]
-    in_air = (_rise(t, 0.0, 2.0) - _rise(t, *STOPS)) * np.array(SWING) * np.sin(2.0 * np.pi * np.array(RATE) * t)
-    wiped = _rise(t, BEHIND[1], BEHIND[1] + 2.0) * WIPE * np.sin(2.0 * np.pi * WIPE_RATE * (t - BEHIND[1]))
-    down = _rise(t, *ABOVE) * (CENTER[2] - HEIGHT - CLEARANCE) + _rise(t, *BEHIND) * (CLEARANCE + DEPTH)
-    return np.asarray(np.array(CENTER) + in_air + np.concatenate((0.0 * t, wiped, -down), axis=1))
+def tool_path(time: Array, scene: str = "table") -> Array:
+    """Path (T, 3) of the tool in m: in the air, then to behind the surface and along it, if there is one."""
+    t, swing = time[:, None], np.array(SWING) * np.sin(2.0 * np.pi * np.array(RATE) * time[:, None])
+    if scene == "air":
+        return np.asarray(np.array(NEARER) + _rise(t, 0.0, 2.0) * swing)
+    in_air = (_rise(t, 0.0, 2.0) - _rise(t, *STOPS)) * swing
+    along = _rise(t, BEHIND[1], BEHIND[1] + 2.0) * WIPE * np.sin(2.0 * np.pi * WIPE_RATE * (t - BEHIND[1]))
+    there = _rise(t, *ABOVE) * (TOUCHED[scene] - np.array(CENTER) - CLEARANCE * INTO[scene])
+    into = _rise(t, *BEHIND) * (CLEARANCE + DEPTH) * INTO[scene]
+    return np.asarray(np.array(CENTER) + in_air + there + into + along * np.array([0.0, 1.0, 0.0]))
 
 
 def _rise(time: Array, start: float, end: float) -> Array:
@@ -119,28 +147,36 @@ def _rise(time: Array, start: float, end: float) -> Array:
     return np.asarray(step)
 
 
-def joint_path(arm: Mechanism, duration: float) -> Spline:
+def joint_path(arm: Mechanism, duration: float, scene: str = "table") -> Spline:
     """Joints along the tool's path."""
     time = np.arange(0.0, duration + OVERRUN + KNOT, KNOT)
-    return Spline(Tip(arm, LINK, np.array(TOOL)).joints(tool_path(time), np.array(POSTURE)), time)
+    return Spline(Tip(arm, LINK, np.array(TOOL)).joints(tool_path(time, scene), np.array(POSTURE)), time)
+
+
+def _tool(arm: Mechanism) -> Array:
+    """Tool (3,) in the frame of MuJoCo's last body, in m."""
+    to_link = arm.links[-1].joint_to_link
+    return np.asarray(to_link.rotation @ np.array(TOOL) + to_link.translation)
 
 
 @needed("the environment adaptctl/Contact-v0")
-def over_a_table(arm: Mechanism, surface: float) -> mujoco.MjModel:
-    """MuJoCo's arm with a ball as its tool, over a table on a spring."""
+def beside(arm: Mechanism, scene: str, surface: float) -> mujoco.MjModel:
+    """MuJoCo's arm with a ball as its tool, beside a table or wall on a spring."""
     import mujoco
 
     from adaptctl.description.writers.mujoco_model import mjcf_text
 
     spec, shape = mujoco.MjSpec.from_string(mjcf_text(arm.description)), mujoco.mjtGeom
     spec.option.timestep = TIME_STEP
-    to_link = arm.links[-1].joint_to_link
-    place = to_link.rotation @ np.array(TOOL) + to_link.translation
     touch = {"friction": FRICTION, "solref": SOFTNESS}
-    spec.body(LINK).add_geom(type=shape.mjGEOM_SPHERE, size=[RADIUS, 0, 0], pos=place, mass=0, **touch)
-    top = (*CENTER[:2], HEIGHT - RADIUS - TABLE[2])
-    table = spec.worldbody.add_body(name="table", pos=top, gravcomp=1)
-    damping = 2.0 * DAMPING_RATIO * np.sqrt(TABLE_MASS * surface)
-    table.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1], stiffness=surface, damping=damping)
-    table.add_geom(type=shape.mjGEOM_BOX, size=TABLE, mass=TABLE_MASS, **touch)
+    spec.body(LINK).add_geom(type=shape.mjGEOM_SPHERE, size=[RADIUS, 0, 0], pos=_tool(arm), mass=0, **touch)
+    if scene == "air":
+        return spec.compile()
+    into = INTO[scene]
+    place = TOUCHED[scene] + (RADIUS + THICKNESS) * into
+    sprung = spec.worldbody.add_body(name=scene, pos=place, gravcomp=1)
+    damping = 2.0 * DAMPING_RATIO * np.sqrt(SURFACE_MASS * surface)
+    sprung.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=-into, stiffness=surface, damping=damping)
+    sizes = np.where(into, THICKNESS, [LENGTH, WIDTH, LENGTH])
+    sprung.add_geom(type=shape.mjGEOM_BOX, size=sizes, mass=SURFACE_MASS, **touch)
     return spec.compile()

@@ -53,7 +53,7 @@ EXPERIMENTS = (
     Entry("laws", "Comparison of all laws: payloads, noise, weak motors, friction, elastic joints, rest"),
     Entry("two-arms", "Adaptive tracking of two PUMAs that hold one rod: a loop of twelve links, 70 base parameters"),
     Entry("task-space", "Tool path in the world frame: control in task space compared with control in joint space"),
-    Entry("contact", "An arm with an unknown load that presses on a table in MuJoCo and wipes it, by an impedance"),
+    Entry("contact", "An arm with an unknown load that presses on a table or a wall in MuJoCo, or is pushed"),
     Entry("identify-then-adapt", "Adaptation from parameters identified from a real log, from the URDF, and from zero"),
     Entry(
         "sheu-walker-1991",

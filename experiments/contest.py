@@ -43,7 +43,7 @@ from adaptctl.recording import (
 )
 from adaptctl.recording.comparison import ADAPTATION_OFF as ADAPTATION_OFF
 from adaptctl.recording.comparison import NO_MODEL as NO_MODEL
-from adaptctl.recording.comparison import color_indices
+from adaptctl.recording.contact_force import is_touched
 from adaptctl.simulation import Plant, Rollout
 from adaptctl.simulation.rollout import known_steps, stepped
 from adaptctl.simulation.simulate import simulated
@@ -51,7 +51,6 @@ from adaptctl.tuning.rotors import warn_of_rotors
 
 if TYPE_CHECKING:
     import gymnasium
-    from matplotlib.figure import Figure
 
     from adaptctl.recording.drawing import Drawing
 
@@ -59,8 +58,6 @@ ADAPTIVE, FULL = "adaptive", "adaptive-full"
 OFFLINE = "Base parameters from energies"
 TIMED_TICKS = 1000
 """control steps that are timed"""
-PLOTTED_SAMPLES = 600
-"""samples of a curve in a figure"""
 MAX_SAMPLES, THINNED_SAMPLES = 600_000, 30_000
 """samples of all runs that are kept, and number to which more are thinned, to fit into 500 MB"""
 
@@ -280,22 +277,6 @@ def listed(values: Array) -> str:
     return ", ".join(f"{value:.4g}" for value in values)
 
 
-def over_time(runs: Sequence[ControllerRun], values: Mapping[str, Array], ylabel: str) -> Figure:
-    """Figure of values (T,) on a logarithmic scale."""
-    from adaptctl.recording.drawing import run_style, sheet, thinned
-
-    figure, places = sheet(4.2), color_indices(runs)
-    axes = figure.subplots()
-    for run in runs:
-        if (own := values.get(run.name)) is not None:
-            every, place = thinned(len(own), PLOTTED_SAMPLES), places[run.name]
-            axes.semilogy(run.rollout.time[every], own[every], label=run.label, **run_style(place))
-    axes.set_xlabel("time [s]")
-    axes.set_ylabel(ylabel)
-    figure.legend(loc="outside upper left", ncols=3)
-    return figure
-
-
 def contest(
     env: gymnasium.Env[Any, Any],
     mechanism: Mechanism,
@@ -393,6 +374,8 @@ def _lyapunov(controller: Controller[Any], run: Rollout, mechanism: Mechanism) -
         return None  # its model knows less of the arm, friction for one
     if run.flags.get("payload", run.time[:1] * 0.0).any():
         return None  # the truth changes in mid-motion, and no function of it falls across that
+    if is_touched(run):
+        return None  # what touches the arm works on it
     if controller.adaptation_law.lyapunov_distance(controller.model, run.estimate[:1], run.estimate[0]) is None:
         return None
     return lyapunov(controller, run, mechanism)

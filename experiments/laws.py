@@ -15,9 +15,10 @@ from adaptctl.control.adaptation.natural import pseudos
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.joint_units import error_unit, position_unit
 from adaptctl.errors import GainError
-from adaptctl.experiments.contest import ADAPTATION_OFF, Contender, Outcome, Told, over_time
+from adaptctl.experiments.contest import ADAPTATION_OFF, Contender, Outcome, Told
 from adaptctl.experiments.disturbed_arm import LABELS, REST, SAMPLES, STRIBECK_SPEED, WINDOW, DisturbedArm
 from adaptctl.experiments.laws_controllers import controller, friction_columns
+from adaptctl.experiments.over_time import over_time
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import ControllerRun, Finding, wording
 from adaptctl.recording.drawing import TRUTH, Drawing, run_color, sheet

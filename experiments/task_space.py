@@ -30,9 +30,9 @@ from adaptctl.experiments.contest import (
     Outcome,
     Told,
     chosen_gains,
-    over_time,
 )
 from adaptctl.experiments.experiment import setting, validate_count
+from adaptctl.experiments.over_time import over_time
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import Finding, Setting, TaskError, wording
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -15,10 +16,15 @@ import adaptctl
 from adaptctl.cli.main import main
 from adaptctl.control import PDGravity
 from adaptctl.control.references import Sinusoids
-from adaptctl.envs import MuJoCoTrackingEnv
-from adaptctl.envs.contact import over_a_table
+from adaptctl.dynamics.inverse_kinematics import Tip
+from adaptctl.envs import ContactEnv, MuJoCoTrackingEnv
+from adaptctl.envs.contact import CLEARANCE, LINK, TOOL, beside, joint_path
 from adaptctl.errors import InputError, ReferenceWarning
-from adaptctl.recording.contact_force import contact_forces
+from adaptctl.experiments.contact import Contact
+from adaptctl.experiments.push_findings import answer_of_push, findings_of_push
+from adaptctl.recording import ControllerRun
+from adaptctl.recording.contact_force import contact_forces, contact_points
+from adaptctl.simulation import HandPush
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant, clear_of_contacts, contacts_along, contacts_at
 
 SCENE = """
@@ -124,15 +130,95 @@ def test_the_force_of_a_contact_is_told_with_its_point(tmp_path: Path) -> None:
     assert not lifted.flags.any()
 
 
+SKYWARD = HandPush([0.0, 0.0, 10.0], start=0.0005, duration=0.002, point=[0.5, 0.03, 0.0])
+
+
+def test_a_push_turns_a_rod_by_its_moment_and_is_told(tmp_path: Path) -> None:
+    """Against m l^2 + I of the rod, once the push has begun and until it has ended."""
+    (tmp_path / "rod.xml").write_text(RESTING)
+    pushed, free = (MuJoCoPlant.of(tmp_path / "rod.xml", 1e-3, pushes=given) for given in ((SKYWARD,), ()))
+    states = [plant.init([-0.5], [0.0]) for plant in (pushed, free)]
+    gained, told = [0.0], []
+    for _ in range(4):
+        states = [plant.step(state, [0.0]) for plant, state in zip((pushed, free), states, strict=True)]
+        gained.append(float(states[0].v[0] - states[1].v[0]))
+        told.append(states[0].flags)
+    turned = -10.0 * 0.5 * np.cos(0.5) * 1e-3 / (2.0 * 0.2**2 + 0.01)
+    np.testing.assert_allclose(np.diff(gained), [0.0, turned, turned, 0.0], rtol=1e-3, atol=1e-5)
+    place = [0.5 * np.cos(0.5), 0.03, 0.5 * np.sin(0.5)]
+    np.testing.assert_allclose(told[1], [0.0, 0.0, 10.0, *place], atol=1e-3)
+    assert not told[0].any()
+    assert not told[3].any()
+
+
+def test_a_push_is_that_of_its_states_time(tmp_path: Path) -> None:
+    (tmp_path / "rod.xml").write_text(RESTING)
+    arm = MuJoCoPlant.of(tmp_path / "rod.xml", 1e-3, pushes=(SKYWARD,))
+    before = arm.step(arm.init([-0.5], [0.0]), [0.0])
+    during = arm.step(before, [0.0])
+    arm.step(arm.step(during, [0.0]), [0.0])
+    again = arm.step(before, [0.0])
+    np.testing.assert_array_equal((*again.v, *again.flags), (*during.v, *during.flags))
+    assert not arm.init([-0.5], [0.0]).flags.any()
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"force": [0.0, np.nan, 0.0]}, r"push: force: expected finite numbers, got \[0.0, nan, 0.0\]"),
+        ({"force": 20.0}, r"push: force: expected shape \(3,\), got \(\)"),
+        ({"point": [0.0, np.inf, 0.0]}, "push: point: expected finite numbers"),
+        ({"start": -1.0}, "push: start: expected a time in s from 0 to 1e[+]09, got -1.0"),
+        ({"start": np.nan}, "push: start: expected a time in s from 0 .* got nan"),
+        ({"duration": -5.0}, "push: duration: expected a time in s above 0, got -5.0"),
+        ({"rise": 3.0}, "push: rise: expected a time in s from 0 to 2.5, half of the duration, got 3.0"),
+    ],
+)
+def test_a_push_that_is_none_is_refused(changed: dict[str, Any], said: str) -> None:
+    given: dict[str, Any] = {"force": [0.0, 20.0, 0.0], "start": 8.0, "duration": 5.0}
+    with pytest.raises(InputError, match=said):
+        HandPush(**given | changed)
+
+
+def test_an_arm_is_pushed_at_the_links_that_it_has() -> None:
+    push = HandPush([0.0, 20.0, 0.0], 0.0, 5.0, body="hand")
+    with pytest.raises(InputError, match=r"push: there is no link 'hand'; expected one of link1, link2, link3"):
+        ContactEnv(pushes=[push])
+    with pytest.raises(InputError, match="scene: expected table, wall, air, got 'floor'"):
+        ContactEnv(scene="floor")
+
+
+def test_the_tool_goes_behind_the_wall() -> None:
+    """Distances of the tool, a ball, in MuJoCo."""
+    env, distances = ContactEnv(scene="wall", duration=0.02), []
+    model = env.plant.model
+    data, place = mujoco.MjData(model), np.zeros(6)
+    ball, box = (int(model.body(name).geomadr[0] + model.body(name).geomnum[0] - 1) for name in (LINK, "wall"))
+    for p in joint_path(env.mechanism, 12.0, "wall")(np.array([8.0, 9.0, 12.0])).p:
+        data.qpos[:3] = p
+        mujoco.mj_forward(model, data)
+        distances.append(mujoco.mj_geomDistance(model, data, ball, box, 1.0, place))
+    assert distances[0] > distances[1] == pytest.approx(CLEARANCE, abs=1e-3)
+    assert distances[2] < 0.0
+
+
+def test_a_hand_pushes_the_tool() -> None:
+    env = ContactEnv(scene="air", duration=0.1, pushes=[HandPush([0.0, 20.0, 0.0], start=0.05, duration=1.0)])
+    run = adaptctl.rollout(env, PDGravity(env.mechanism, 5.0, [10.0, 10.0, 10.0]), seed=0)
+    np.testing.assert_allclose(contact_forces(run)[[40, 98], 1], [0.0, 20.0 * 49 / 50], rtol=0.03)
+    place = Tip(env.mechanism, LINK, np.array(TOOL)).at(run.p[-1])
+    np.testing.assert_allclose(contact_points(run)[-1], place, atol=1e-3)
+
+
 def test_a_run_keeps_the_forces_of_its_contacts() -> None:
-    env = adaptctl.envs.ContactEnv(duration=0.02, surface=3e3)
+    env = ContactEnv(duration=0.02, surface=3e3)
     found = adaptctl.rollout(env, PDGravity(env.mechanism, 5.0, [10.0, 10.0, 10.0]), seed=0)
     assert set(found.flags) == set(env.plant.flags)
     assert not contact_forces(found).any()
 
 
 def test_forces_are_averaged_over_fifty_milliseconds(tmp_path: Path) -> None:
-    env = adaptctl.envs.ContactEnv(duration=0.2)
+    env = ContactEnv(duration=0.2)
     run = adaptctl.rollout(env, PDGravity(env.mechanism, 5.0, [10.0, 10.0, 10.0]), seed=0)
     pushed = replace(run, flags={**run.flags, "contact_force_z": np.where(run.time >= 0.1, 8.0, 0.0)})
     forces = contact_forces(pushed)[:, 2]
@@ -141,8 +227,8 @@ def test_forces_are_averaged_over_fifty_milliseconds(tmp_path: Path) -> None:
 
 def test_the_tool_goes_where_the_task_says_over_a_table_on_a_spring() -> None:
     """MuJoCo's own kinematics and geometry, after the way back from joints."""
-    env = adaptctl.envs.ContactEnv(duration=16.0, surface=3e3)
-    model = over_a_table(env.mechanism, 3e3)
+    env = ContactEnv(duration=16.0, surface=3e3)
+    model = beside(env.mechanism, "table", 3e3)
     data, sizes = mujoco.MjData(model), model.geom_size
     table, ball = model.body("table"), int(np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE)[-1])
     spring = int(table.jntadr[0])
@@ -169,9 +255,63 @@ def test_the_tool_goes_where_the_task_says_over_a_table_on_a_spring() -> None:
     assert np.abs(np.array(middle) - data.xpos[table.id][:2]).max() < 1e-3
 
 
+def test_what_a_push_leaves_behind_is_told() -> None:
+    """Of a run of 10 s in samples of 1 s, pushed from 3 to 6 s."""
+    time, one = np.arange(10.0), np.ones((10, 1))
+    error = np.array([9.0, 1.0, 1.0, 4.0, 4.0, 4.0, 2.0, 2.0, 9.0, 9.0])[:, None]
+    given: dict[str, Any] = {"time": time, "p": 1e-3 * error, "reference_p": 0.0 * one, "estimate": 0.1 * error}
+    doubts = np.array([0.0, 1.0, 0.0, 0.0, 1.0, 2.0, 0.0, 1.0, 0.0, 0.0])[:, None]
+    env = ContactEnv(scene="air", duration=0.02)
+    run = adaptctl.rollout(env, PDGravity(env.mechanism, 5.0, [10.0, 10.0, 10.0]), seed=0)
+    told = ControllerRun("law", "Law", "", replace(run, logged_state=doubts, **given))
+    found = list(findings_of_push(HandPush([0.0, 20.0, 0.0], 3.0, 3.0), told, lambda x: abs(float(x[0]))))
+    values = {finding.name: finding.value for finding in found}
+    assert values == {
+        "error_before.law": pytest.approx(1.0),
+        "error_pushed.law": pytest.approx(4.0),
+        "error_after.law": pytest.approx(2.0),
+        "parameter_error_before.law": pytest.approx(100.0 / 9.0),
+        "parameter_error_after.law": pytest.approx(100.0),
+        "felt_after.law": 1.0,
+    }
+    assert answer_of_push(found, [told]) == "After the push, the RMS errors of joints in 2 s are 2 mrad (Law)."
+    assert answer_of_push([], [told]) is None
+
+
+@nightly
+def test_a_hand_is_felt_and_not_learned(tmp_path: Path) -> None:
+    """20 N at the tool for 5 s, which the gradient takes for errors of its model."""
+    out = tmp_path / "out"
+    command = ["experiment", "run", "contact", "--scene", "air", "--push", "0", "20", "0", "--out", str(out)]
+    assert main(command) == 0
+    found = {name: told["value"] for name, told in json.loads((out / "summary.json").read_text())["findings"].items()}
+    assert found["felt_after.tracking"] < 0.03
+    assert found["error_after.tracking"] < 0.5 * found["error_after.gradient"]
+    assert found["parameter_error_after.tracking"] < 2.0 * found["parameter_error_before.tracking"]
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"push": (0.0, 20.0)}, "push: expected 3 numbers, a force in N along x, y and z, got 2"),
+        ({"push": (0.0, np.nan, 0.0)}, "push: expected numbers from -500 to 500, got nan"),
+        (
+            {"push": (0.0, 20.0, 0.0), "push_start": 20.0},
+            "push_start: expected a time before 20 s, the end of the run, got 20",
+        ),
+        ({"push": (0.0, 20.0, 0.0), "push_rise": 3.0}, "push: rise: expected a time in s from 0 to 2.5"),
+        ({"push_duration": -5.0}, "push_duration: expected a number from 0.001 to 300, got -5"),
+        ({"scene": "floor"}, "scene: expected table, wall, air, got 'floor'"),
+    ],
+)
+def test_settings_of_a_contact_that_cannot_be_are_refused(given: dict[str, Any], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        Contact(**given)
+
+
 def test_an_arm_without_a_pumas_wrist_presses_on_no_table() -> None:
     with pytest.raises(InputError, match=r"robot: expected a PUMA 560, with joints joint1 to joint6, got 'two_link'"):
-        adaptctl.envs.ContactEnv("two_link")
+        ContactEnv("two_link")
 
 
 @nightly

@@ -172,10 +172,13 @@ def of_simulation() -> Any:
     )
 
 
+HAND = simulation.HandPush(np.array([0.0, 20.0, 0.0]), start=1.0, duration=5.0)
+
+
 def of_environments() -> Any:
     reference = control.Sinusoids(REST, 0.2 + REST, 0.3 + REST, REST)
     made: list[Any] = [envs.TrackingEnv(ARM, reference), envs.VectorTrackingEnv(2, robot=ARM, reference=reference)]
-    made += [envs.ResidualEnv(made[0], slotine_li(GAIN)), envs.MuJoCoTrackingEnv(), envs.ContactEnv()]
+    made += [envs.ResidualEnv(made[0], slotine_li(GAIN)), envs.MuJoCoTrackingEnv(), envs.ContactEnv(pushes=[HAND])]
     made += [envs.ResidualVectorEnv(made[1], slotine_li(GAIN)), envs.LearningEnv(made[0])]
     moved = slotine_li(GAIN), ["damping"]
     made += [envs.TuningEnv(made[0], *moved), envs.LearningVectorEnv(envs.TuningVectorEnv(made[1], *moved))]

@@ -17,10 +17,11 @@ AVERAGING_TIME = 0.05
 
 def touched(comparison: Comparison) -> list[ControllerRun]:
     """Runs with a contact."""
-    return [run for run in comparison.runs if _is_touched(run.rollout)]
+    return [run for run in comparison.runs if is_touched(run.rollout)]
 
 
-def _is_touched(rollout: Rollout) -> bool:
+def is_touched(rollout: Rollout) -> bool:
+    """True if a run has a contact."""
     return any(rollout.flags[name].any() for name in TOUCH_FLAGS[:3] if name in rollout.flags)
 
 

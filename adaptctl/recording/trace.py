@@ -30,6 +30,8 @@ FLAGS = {
     "bounded": ("1", "1 where an estimate was projected onto its bounds"),
     "ringing": ("1", "1 where a sliding variable changed its sign every control period"),
     "stopped": ("1", "1 while the arm was braked"),
+    **{f"contact_force_{axis}": ("N", "force on the arm by what touches it, in the world's frame") for axis in "xyz"},
+    **{f"contact_point_{axis}": ("m", "point at which it acts, 0 without a contact") for axis in "xyz"},
 }
 
 

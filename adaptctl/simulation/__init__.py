@@ -10,6 +10,7 @@ from adaptctl.simulation.integrator import (
 )
 from adaptctl.simulation.period import PlantState
 from adaptctl.simulation.plant import Plant
+from adaptctl.simulation.push import HandPush
 from adaptctl.simulation.rollout import rollout
 from adaptctl.simulation.run import Rollout
 from adaptctl.simulation.run_logger import RunLogger
@@ -20,6 +21,7 @@ __all__ = [
     "Acceleration",
     "ClosedLoop",
     "Episode",
+    "HandPush",
     "Integrator",
     "LinearlyImplicitEuler",
     "Plant",

@@ -30,6 +30,7 @@ from adaptctl.errors import (
 from adaptctl.files import validate_readable
 from adaptctl.simulation.period import PlantState
 from adaptctl.simulation.plant import Plant
+from adaptctl.simulation.push import HandPush
 
 if TYPE_CHECKING:
     import mujoco
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
 _OFF = ("actuator_dyntype", "actuator_gaintype", "actuator_biastype")
 _SILENT = ("actuator_gainprm", "actuator_biasprm")
 TOUCH_FLAGS = tuple(f"{what}_{axis}" for what in ("contact_force", "contact_point") for axis in "xyz")
-"""Force in N on the arm by all that it touches, and its point in m, in the world's frame; 0 without contact."""
+"""Force in N on the arm by all that touches it, and its point in m, in the world's frame; 0 without contact."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +51,7 @@ class MuJoCoPlant(Plant):
     model: mujoco.MjModel | None = None
     body: str | None = None
     servos_off: bool = False
+    pushes: tuple[HandPush, ...] = ()
 
     def __post_init__(self) -> None:
         if self.model is None:
@@ -69,6 +71,8 @@ class MuJoCoPlant(Plant):
             )
         if len(self.arm.joints) != self.dof:
             raise InputError(f"{self.mechanism.name}: expected {self.dof} joints in the MuJoCo model")
+        for push in self.pushes:
+            self._pushed(push)
 
     @classmethod
     def of(
@@ -127,6 +131,15 @@ class MuJoCoPlant(Plant):
 
         return MujocoArm.of(self.model, self.body)
 
+    def _pushed(self, push: HandPush) -> int:
+        """Body that a push acts on."""
+        names = [self.arm.model.body(i).name for i in self.arm.bodies]
+        if push.body is not None and push.body not in names:
+            raise InputError(
+                f"{self.mechanism.name}: push: there is no link {push.body!r}; expected one of {', '.join(names)}"
+            )
+        return self.arm.bodies[-1 if push.body is None else names.index(push.body)]
+
     @cached_property
     def _scene(self) -> _Scene:
         return _Scene(self)
@@ -159,9 +172,11 @@ class _Scene:
         self._q = [int(model.jnt_qposadr[j]) for j in arm.joints]
         self._v = [int(model.jnt_dofadr[j]) for j in arm.joints]
         self._bodies, self._wrench = frozenset(arm.bodies), np.zeros(6)
+        self._pushes = [(plant._pushed(push), push) for push in plant.pushes]
         self._kind = int(mujoco.mjtState.mjSTATE_INTEGRATION)
         self._size = mujoco.mj_stateSize(model, self._kind)
         self._latest: Array | None = None
+        self._pushing: list[tuple[Array, Array]] = []
 
     def having(self, parameters: ArrayLike | None) -> _Scene:
         """Scene with true parameters (P,), the latest being kept."""
@@ -179,6 +194,7 @@ class _Scene:
         import mujoco
 
         mujoco.mj_resetData(self._model, self._data)
+        self._pushing = []
         self._data.qpos[self._q], self._data.qvel[self._v] = p, v
         mujoco.mj_forward(self._model, self._data)
         return p, v, self._kept()
@@ -190,14 +206,29 @@ class _Scene:
         if whole is not self._latest:
             mujoco.mj_setState(self._model, self._data, whole, self._kind)
         self._data.qfrc_applied[self._v] = torque
+        self._push()
         mujoco.mj_step(self._model, self._data, self._substeps)
         return self._data.qpos[self._q], self._data.qvel[self._v], self._kept()
+
+    def _push(self) -> None:
+        """Apply the pushes of a control period, and keep their forces and points."""
+        import mujoco
+
+        if not self._pushes:
+            return
+        mujoco.mj_kinematics(self._model, self._data)
+        data, self._pushing = self._data, []
+        data.xfrc_applied[[body for body, _ in self._pushes]] = 0.0
+        for body, push in self._pushes:
+            at = self._model.body_ipos[body] if push.point is None else push.point
+            force, point = push.at(data.time), data.xpos[body] + data.xmat[body].reshape(3, 3) @ at
+            data.xfrc_applied[body] += [*force, *np.cross(point - data.xipos[body], force)]
+            self._pushing.append((force, point))
 
     def touch(self) -> Array:
         """Force (3,) on the arm by what it touches and its point (3,), in the world's frame; zeros without contact."""
         found, total = np.zeros(6), 0.0
-        for k in range(self._data.ncon):
-            force, point = self._contact(k)
+        for force, point in (*map(self._contact, range(self._data.ncon)), *self._pushing):
             size = math.sqrt(force @ force)
             found += np.concatenate((force, size * point))
             total += size

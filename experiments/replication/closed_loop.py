@@ -13,7 +13,8 @@ import numpy as np
 
 from adaptctl.control import SlotineLi
 from adaptctl.dynamics import Mechanism, equation_costs
-from adaptctl.experiments.contest import ADAPTATION_OFF, ADAPTIVE, FULL, NO_MODEL, Contender, over_time
+from adaptctl.experiments.contest import ADAPTATION_OFF, ADAPTIVE, FULL, NO_MODEL, Contender
+from adaptctl.experiments.over_time import over_time
 from adaptctl.experiments.task_space import ARMS, ArmWithTip, TaskSpaceTracking
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import Comparison, Progress, Result, judged, write_artifacts
