@@ -64,9 +64,11 @@ def validate_plain(values: object) -> None:
         raise TypeError("complex numbers, durations and named fields are not supported")
     if type(values) is np.ndarray:
         return
+    parts = values if isinstance(values, list | tuple) else (values,)
+    if any(part is None for part in parts):
+        raise TypeError("None is no number")
     if "numpy.ma" not in sys.modules:  # then there are no masks, and to look for them would import it
         return
-    parts = values if isinstance(values, list | tuple) else (values,)
     if any(isinstance(part, np.ma.MaskedArray) and np.ma.is_masked(part) for part in parts):
         raise TypeError("masked elements have no number")
 

@@ -13,14 +13,17 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
+from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
 
-from adaptctl.errors import FileError, printable
+from adaptctl.errors import FileError, printable, suggested_name
 
+MAX_LISTED, SIMILAR = 1000, 0.8
+"""files of a folder, and likeness of names, where one of them may have been meant"""
 MAX_BYTES = 16 * 2**20
 """size above which files are not read"""
 MAX_TOML_BYTES = 2**20
@@ -242,10 +245,21 @@ def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:
                 raise ValueError(NOT_REGULAR)
             data = file.read(limit + 1)
     except (OSError, ValueError) as error:
-        raise FileError(f"{path}: cannot be read ({reason(error)})") from error
+        raise FileError(f"{path}: cannot be read ({reason(error)}){_similar(path)}") from error
     if len(data) > limit:
         raise FileError(f"{path}: larger than {limit} bytes, the most that is read")
     return data
+
+
+def _similar(path: str | Path) -> str:
+    """Hint at a file of a similar name in the folder of one that is not there."""
+    place = Path(path)
+    try:
+        with os.scandir(place.parent) as entries:
+            names = [entry.name for entry in islice(entries, MAX_LISTED) if entry.is_file()]
+    except (OSError, ValueError):
+        return ""
+    return "" if place.name in names else suggested_name(place.name, names, SIMILAR)
 
 
 def validate_readable(path: str | Path) -> None:

@@ -239,6 +239,19 @@ def test_a_name_nearly_right_gets_a_suggestion(name: str) -> None:
         read(name)
 
 
+def test_a_file_nearly_right_gets_a_suggestion(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "my_arm.urdf").write_text("<robot/>")
+    monkeypatch.chdir(tmp_path)
+    for name in ("My_Arm.urdf", "my-arm.urdf", str(tmp_path / "my_arms.urdf")):
+        with pytest.raises(FileError, match=r"no such file or directory\) \(did you mean 'my_arm\.urdf'\?\)$"):
+            read(name)
+    with pytest.raises(NotFoundError, match=r"unknown robot 'my_arm' \(did you mean 'my_arm\.urdf'\?\); built-in"):
+        read("my_arm")
+    for name in ("other.urdf", "no/my_arm.urdf", "a\0.urdf"):
+        with pytest.raises(FileError, match=r"cannot be read \([^()]*\)$"):
+            read(name)
+
+
 @pytest.mark.parametrize("name", ["zebra", ""])
 def test_an_unknown_name_lists_those_that_exist(name: str) -> None:
     with pytest.raises(

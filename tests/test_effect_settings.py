@@ -135,6 +135,7 @@ def test_identifications_that_cannot_be_are_refused(settings: dict[str, Any], sa
     [
         ({"cutoff": 0.0}, "cutoff: expected a positive number of Hz"),
         ({"cutoff": 1e3}, "cutoff: expected between .* and .* Hz for these logs, got 1000"),
+        ({"cutoff": 1e5}, "cutoff: expected between .* and .* Hz for these logs, got 100000"),
         ({"cutoff": 1e-9}, "cutoff: expected between .* and .* Hz for these logs, got 1e-09"),
         ({"prior_weight": 0.0}, "prior_weight: expected a positive number, got 0.0"),
     ],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import pytest
@@ -138,6 +138,17 @@ def test_a_state_that_is_none_is_told(state: Any) -> None:
         law.init([0.0, 0.0], [0.0, 0.0])
     with pytest.raises(InputError, match=message):
         law.compile()
+
+
+def test_a_step_is_told_what_its_arguments_are() -> None:
+    law, zero, made_up = Own(lambda p, v, r, memory: (-p, memory)), np.zeros(2), cast(Any, None)
+    point = ReferencePoint(zero, zero, zero)
+    for p in (zero, np.zeros((3, 2))):
+        with pytest.raises(InputError, match=r"^Own: state: expected that of init\(p, v\), got None"):
+            law.step(made_up, p, p, point)
+        for wrong in (made_up, lambda t: point, (zero, zero)):
+            with pytest.raises(InputError, match=r"reference: expected a ReferencePoint, as reference\(t\) is one"):
+                law.step(law.init(p, p), p, p, wrong)
 
 
 def test_the_number_of_joints_may_be_a_field() -> None:

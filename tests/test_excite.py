@@ -178,7 +178,7 @@ def test_the_command_writes_what_robots_run(tmp_path: Path, capsys: pytest.Captu
     ("given", "message"),
     [
         (["--start", "9", "0"], "start: joint 'turn' at 9 is outside its range"),
-        (["--start", "0"], "pose: expected"),
+        (["--start", "0"], "start: expected"),
         (["--box", "0", "0"], "--box: expected six numbers"),
         (["--box", "5", "5", "5", "6", "6", "6"], "start: the pose collides, leaves the workspace, or"),
         (["--duration", "3"], "duration: expected more than 4 s, twice the fade, got 3"),

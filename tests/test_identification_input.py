@@ -249,7 +249,7 @@ def test_what_is_not_stated_is_asked_for_by_name() -> None:
     with pytest.raises(FileError, match="no column 'p1' for position; columns: t, q1"):
         joint_columns(mechanism, log, {"position": "p{}"})
     named = {"position": "q{}", "torque": "cur{}"}
-    with pytest.raises(InputError, match="no column 'time' for the time; specify it: --columns time=NAME"):
+    with pytest.raises(InputError, match="no column 'time' for the time; specify it: --columns time=t, or"):
         joint_columns(mechanism, log, named)
     named |= {"time": "t"}
     with pytest.raises(InputError, match="units of time, position, torque are unknown; give"):

@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from adaptctl.errors import FileError
+from adaptctl.errors import FileError, InputError
 from adaptctl.identification.log_files import read_log
 from adaptctl.recording.trace import Quantity, write_columns
 from adaptctl.simulation import Rollout
@@ -22,6 +22,13 @@ def rollout(path: Path) -> Path:
     p = np.sin(TIME)[:, None] * [1.0, 2.0]
     Rollout.from_arrays(p, np.cos(p), 0.0 * p, 0.01).save(path)
     return path
+
+
+@pytest.mark.parametrize("name", ["run.csv", "run", "run.xyz"])
+def test_a_run_is_not_saved_under_another_type(name: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"ends in \.parquet, got .*; as text: pyarrow\.csv\.write_csv\(run\.to_arrow"):
+        rollout(tmp_path / name)
+    assert not list(tmp_path.iterdir())
 
 
 def trace(path: Path) -> Path:

@@ -175,7 +175,7 @@ def test_a_basis_file_beyond_its_size_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "what"),
     [
-        (URDF.replace('lower="-2" upper="2"', 'lower="-180" upper="180"'), "limits of first"),
+        (URDF.replace('lower="-2" upper="2"', 'lower="-90" upper="170"'), "limits of first; 170 degrees are 2.967"),
         (URDF.replace('rpy="0 0 0"', 'rpy="0 90 0"'), "rpy of joint 'first'"),
         (CHAIN.replace("alpha = 1.5", "alpha = 90.0"), "alpha or theta of link1"),
         (CHAIN.replace("velocity = 3.0", "range = [-170.0, 170.0]"), "limits of joint1"),

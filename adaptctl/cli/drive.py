@@ -84,9 +84,9 @@ def drive(
     from adaptctl.folders import replacing_folder
     from adaptctl.hardware import with_rotors
 
-    arm = with_rotors(reading.load(robot), rotors)
     interrupted = False
     with replacing_folder(out, overwrite) as folder, ExitStack() as shown:
+        arm = with_rotors(reading.load(robot), rotors)
         found = connected(vendor, address, arm, any_kernel)
         try:
             view = _view(arm, shown) if live else None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
@@ -141,4 +142,6 @@ def _print(done: Exported) -> None:
         print(f"state: {manifest['state_bytes']} bytes; stack: about {manifest['stack_bytes_about']} bytes")
         if manifest["stack_bytes_about"] > MAX_STACK_BYTES:
             print("on a small processor, --law slotine-li needs less")
-        print(f"test it: cc -std=c99 {done.name}.c test_{done.name}.c -lm && ./a.out")
+        print(
+            f"test it: cd {quote(str(done.directory))} && cc -std=c99 {done.name}.c test_{done.name}.c -lm && ./a.out"
+        )

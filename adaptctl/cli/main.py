@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from io import TextIOWrapper
 from typing import TextIO
 
-from cyclopts import App, CycloptsError, Parameter, UnknownOptionError, UnusedCliTokensError
+from cyclopts import App, CycloptsError, Parameter, UnknownCommandError, UnknownOptionError, UnusedCliTokensError
 
 from adaptctl.cli.heartbeat import heartbeat
 from adaptctl.cli.numbers import plain_numbers
@@ -34,6 +34,11 @@ DONE, FAILED, WRONG_INPUT, VERDICT, INTERRUPTED = 0, 1, 2, 3, 130
 WRONG_PATHS = (errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR)
 FULL_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
 ROBOT_SUFFIXES = (".toml", ".urdf", ".xml", ".mjcf")
+PARTS_OF = {"run": "experiment", "list": "experiment", "compare": "experiment", "convert": "experiment"} | {
+    "status": "sweep",
+    "report": "sweep",
+}
+"""commands of commands"""
 
 
 def version() -> str:
@@ -131,14 +136,30 @@ def _validate_command(given: Sequence[str]) -> None:
     chain, apps, rest = app.parse_commands(given)
     if not rest and apps[-1].default_command is None:
         known = ", ".join(name for name in apps[-1] if not name.startswith("-"))
-        raise InputError(f"a command is missing: {known}; see {_called(chain)} --help")
+        missing = "an experiment" if chain[-1:] == ("run",) else "a command"
+        raise InputError(f"{missing} is missing: {known}; see {_called(chain)} --help")
 
 
 def _reason(error: CycloptsError) -> object:
     """Message of what was wrong with the command line, in our words where we refused it."""
     if isinstance(error.__cause__, InputError):
         return error.__cause__
-    return f"{_renamed_option(error) or _left_over(error) or error} See {_called(error.command_chain or ())} --help"
+    told = _renamed_option(error) or _left_over(error) or _elsewhere(error) or error
+    return f"{told} See {_called(error.command_chain or ())} --help"
+
+
+def _elsewhere(error: CycloptsError) -> str:
+    """Message of a command that is another's, or of a robot file in place of one; empty for other errors."""
+    if not isinstance(error, UnknownCommandError) or not error.unused_tokens:
+        return ""
+    word, chain = error.unused_tokens[0], error.command_chain or ()
+    if word.endswith(ROBOT_SUFFIXES):
+        meant = f"experiment run adaptive --robot {word}" if "experiment" in chain else f"tune {word}"
+    elif not chain and word in PARTS_OF:
+        meant = f"{PARTS_OF[word]} {word}"
+    else:
+        return ""
+    return f"Unknown command {word!r}. Did you mean adaptctl {meant}?"
 
 
 def _left_over(error: CycloptsError) -> str:
@@ -156,12 +177,15 @@ def _renamed_option(error: CycloptsError) -> str:
     if not isinstance(error, UnknownOptionError):
         return ""
     names = {name for argument in error.argument_collection for name in argument.names}
-    option = (error.token.keyword or "").removeprefix("--").replace("-", "_")
+    flag = (error.token.keyword or error.token.value).partition("=")[0]
+    option = flag.removeprefix("--").replace("-", "_")
+    if option.upper() in names:
+        return f"Unknown option: {flag}; {option.upper()} is given without it."
     known = {name.removeprefix("--").replace("-", "_") for name in names}
     if (other := NOW_DEFAULT.get(option)) in known:
-        return f"Unknown option: {error.token.keyword}, now the default; --{other.replace('_', '-')} is its opposite."
+        return f"Unknown option: {flag}, now the default; --{other.replace('_', '-')} is its opposite."
     new = new_name(option, known)
-    return f"Unknown option: {error.token.keyword}. Did you mean --{new.replace('_', '-')}?" if new else ""
+    return f"Unknown option: {flag}. Did you mean --{new.replace('_', '-')}?" if new else ""
 
 
 def _called(chain: Sequence[str]) -> str:

@@ -28,6 +28,7 @@ from adaptctl.control.pytree import (
     paths,
     row_each,
     rows_of_arms,
+    validate_point,
     validate_state,
     validate_step,
 )
@@ -396,7 +397,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
     def _step_any(self, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint) -> tuple[Array, Memory]:
         if numbers(p, f"{type(self).__name__}: p").ndim > 1:
             return self._step_many(state, p, v, reference)
-        given = Given(type(self).__name__, self._given_sizes).arrays((p, v, *reference))
+        given = Given(type(self).__name__, self._given_sizes).arrays((p, v, *validate_point(self, reference)))
         columns = given[0], given[1], ReferencePoint(*given[2:])
         return self._step_usual(self._remembering(self._array_of(state, ())), *columns)
 
@@ -435,6 +436,8 @@ class Controller(Tunable, ABC, Generic[Memory]):
         """State as one array (..., n)."""
         if type(memory) is self._kind:
             return row_each(memory._array, arms, "state")
+        if not isinstance(memory, tuple):
+            raise InputError(f"{type(self).__name__}: state: expected that of init(p, v), got {memory!r:.80}")
         if arms:
             columns = rows_of_arms(leaves(memory), self._memory_sizes, arms)
             shaped = [values.reshape(*arms, -1) if values.ndim > 1 else values for values in columns.values()]
@@ -463,7 +466,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
         self, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint, gains: Array | None = None
     ) -> tuple[Array, Memory]:
         arms = np.shape(p)[:-1]
-        columns = rows_of_arms((p, v, *reference), self._given_sizes, arms)
+        columns = rows_of_arms((p, v, *validate_point(self, reference)), self._given_sizes, arms)
         columns[MEMORY] = self._array_of(state, arms).reshape(prod(arms), self._sizes[MEMORY])
         columns |= dict.fromkeys(self.gain_sizes, self.packed if gains is None else gains)
         torque, memory = np.empty((*arms, self.dof)), np.empty((*arms, self._sizes[MEMORY]))

@@ -7,9 +7,10 @@ from typing import Protocol
 import numpy as np
 
 from adaptctl.arrays import Array
+from adaptctl.control.controller import Controller
 from adaptctl.control.slotine_li import SlotineLi
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, validate_kind
 
 
 class TrackedRun(Protocol):
@@ -91,6 +92,7 @@ def sliding_variable(controller: SlotineLi, run: TrackedRun) -> Array:
     >>> adaptctl.control.sliding_variable(law, run).shape
     (200, 2)
     """
+    validate_kind(controller, Controller, "sliding variable", "as SlotineLi(...) is one")
     if not has_sliding_variable(controller):
         law = type(controller).__name__
         raise InputError(f"sliding variable: that of {law} needs more than the recorded tracking errors")

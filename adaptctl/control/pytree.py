@@ -50,6 +50,14 @@ def _is_state(given: Any) -> bool:
     return named and all(_is_state(part) if isinstance(part, tuple) else np.ndim(part) > 0 for part in given)
 
 
+def validate_point(law: Any, point: Any) -> Any:
+    """Three parts of a reference, else `InputError`."""
+    if not isinstance(point, tuple) or len(point) != 3:
+        what = f"{type(law).__name__}: reference: expected a ReferencePoint, as reference(t) is one"
+        raise InputError(f"{what}, got {point!r:.80}")
+    return point
+
+
 def validate_step(law: Any, returned: Any) -> tuple[Column, Any]:
     """Checked torque and state, else `InputError`."""
     what = f"{type(law).__name__}.law: expected it to return the torque, a Column of {law.dof}, and the next state"

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import quote
 
 import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import FileError, InputError
+from adaptctl.errors import FileError, InputError, printable
 from adaptctl.identification.column_names import column_name, joint_names, offer
 from adaptctl.identification.complete_rows import complete_rows
 from adaptctl.identification.drives_file import Drives, MotorEntry, Units, locking, validate_fitting
@@ -19,6 +21,10 @@ from adaptctl.logs.units import POSITION, TIME, TORQUE, VELOCITY, spaced
 
 # Samples below which nothing can be learnt from a log.
 MIN_SAMPLES = 100
+
+
+TIME_NAME = re.compile(r"(time|t|stamp|timestamp|sec|seconds)\b", re.IGNORECASE)
+"""beginning of a column's name that may be the time"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,8 +160,8 @@ def joint_columns(
     time = column_name(given.get("time", "time"), log)
     if stamped and time not in log.columns:
         raise InputError(
-            f"{log.source}: no column {time!r} for the time; specify it: --columns time=NAME, or the rate of even "
-            "rows: --sample-rate HZ"
+            f"{log.source}: no column {time!r} for the time; specify it: --columns {_time_of(log)}, or the rate of "
+            "even rows: --sample-rate HZ"
         )
     found = {what: joint_names(names, joints, log, what) for what, names in pattern.items()}
     motors = tuple(
@@ -175,7 +181,14 @@ def joint_columns(
     return Drives(tuple(joints), np.eye(r), np.zeros(r), motors, time, checked)
 
 
+def _time_of(log: LogTable) -> str:
+    """Pair that may name the column of time, as a word of the command line."""
+    return quote(f"time={next((name for name in log.columns if TIME_NAME.match(name)), 'NAME')}")
+
+
 def _checked(what: str, given: Mapping[str, str] | None) -> dict[str, str]:
+    if not isinstance(given, Mapping | None):
+        raise InputError(f"{what}: expected a mapping such as {{'position': ...}}, got {printable(repr(given))}")
     for name in given or {}:
         if name not in QUANTITIES:
             raise InputError(f"{what}: expected {', '.join(QUANTITIES)}, got {name!r}")

@@ -64,10 +64,10 @@ def gathered(
     rate = min(piece.rate for piece in pieces)
     tried = sorted({*(cutoffs or cutoffs_for(rate, least)), *([cutoff] if cutoff else [])})
     stretches = Stretches(pieces, full, smooth, tried)
+    if cutoff is not None:
+        stretches.validate(cutoff)
     long = stretches.are_long and not drives.payloads and not np.isnan(drives.constants).any()
     motions = stretches.windows() if long else list(motions_of(pieces, smooth))
-    if cutoff is not None:
-        _validate_between(cutoff, motions)
     rows = dict(zip(tried, rows_without_payloads(motions, full, drives, tried), strict=True))
     lasts = _validate_enough(pieces)
     remarks += [SHORT.format(pieces[0].source, lasts)] if lasts < SHORT_DURATION else []
@@ -88,13 +88,6 @@ def rows_without_payloads(
 ) -> list[Rows]:
     """Rows of each cut-off (Hz), the torques of known payloads taken off."""
     return [without_payloads(own, motions, mechanism, drives) for own in rows_of(motions, mechanism, cutoffs)]
-
-
-def _validate_between(cutoff: float, motions: Sequence[SmoothMotion]) -> None:
-    """Raise `InputError` for a cut-off (Hz) that filters no motion: longer than one, or not below half its rate."""
-    least, most = max(2.0 * m.rate / len(m.position) for m in motions), 0.5 * min(m.rate for m in motions)
-    if not least < cutoff < most:
-        raise InputError(f"cutoff: expected between {least:.3g} and {most:.3g} Hz for these logs, got {cutoff:g}")
 
 
 def _validate_enough(pieces: Sequence[PreparedLog]) -> float:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from adaptctl.arrays import Array
 from adaptctl.caching import cached_property
 from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
 from adaptctl.identification.choice import NUM_BLOCKS, SLOW_CANDIDATES
 from adaptctl.identification.filtered_dynamics import ROWS_PER_PERIOD, RowFilter, Rows, SmoothMotion
 from adaptctl.identification.fit import LogEvidence
@@ -42,6 +43,11 @@ class _Grid:
     number: int
     smooth: float
     cutoffs: Sequence[float]
+
+    @property
+    def rate(self) -> float:
+        """Samples per second of the smoothed motion."""
+        return self._start.rate
 
     @cached_property
     def _start(self) -> SmoothMotion:
@@ -107,6 +113,13 @@ class Stretches:
     @cached_property
     def _grids(self) -> list[_Grid]:
         return [_Grid(log, number, self.smooth, self.cutoffs) for number, log in enumerate(self.logs)]
+
+    def validate(self, cutoff: float) -> None:
+        """Raise `InputError` for a cut-off (Hz) that filters no motion: longer than one, or not below half its rate."""
+        least = max(2.0 * grid.rate / grid.samples for grid in self._grids)
+        most = 0.5 * min(grid.rate for grid in self._grids)
+        if not least < cutoff < most:
+            raise InputError(f"cutoff: expected between {least:.3g} and {most:.3g} Hz for these logs, got {cutoff:g}")
 
     @cached_property
     def peaks(self) -> Array:

@@ -285,7 +285,10 @@ def exciting_motion(
     space = regular_limits(mechanism, MotionLimits.from_model(model, limit_share))
     allowed = _regular(mechanism, allowed)
     middle = 0.5 * (space.lower + space.upper)
-    first, last = (middle if pose is None else checked(pose, mechanism.dof, "pose") for pose in (start, end))
+    first, last = (
+        middle if pose is None else checked(pose, mechanism.dof, what)
+        for what, pose in (("start", start), ("end", end))
+    )
     _validate_poses(mechanism, first, last, limits, allowed)
     period = duration - 2.0 * fade
     found = excitation_trajectory(

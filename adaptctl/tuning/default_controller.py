@@ -7,7 +7,7 @@ from dataclasses import replace
 from adaptctl.control import GuardedLearning, SlotineLi
 from adaptctl.control.controller import Reference
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, validate_kind
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.tuning.default_gains import DEFAULT_SAMPLING_RATIO
 from adaptctl.tuning.learning_rule import learning_by_rule
@@ -71,6 +71,7 @@ def adaptive_controller(
     """
     if not isinstance(friction, bool):
         raise InputError(f"friction: expected True or False, got {friction!r}")
+    validate_kind(mechanism, Mechanism, "adaptive_controller", "as load(...) gives one")
     mechanism = with_friction(mechanism) if friction else mechanism
     tuning = tune(
         mechanism, control_period=control_period, reference=reference, sampling_ratio=sampling_ratio, seed=seed

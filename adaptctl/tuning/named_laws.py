@@ -19,7 +19,7 @@ from adaptctl.control import (
     TaskSpaceSlotineLi,
     adaptation_gain,
 )
-from adaptctl.errors import NotFoundError
+from adaptctl.errors import NotFoundError, suggested_name
 from adaptctl.identifiability import ReducedModel
 from adaptctl.tuning.default_controller import learning_law
 from adaptctl.tuning.tune import Tuning
@@ -43,7 +43,7 @@ MIN_SPEED_LIMIT = 2.0  # rad/s (m/s)
 def named_law(law: str, tuning: Tuning, model: ReducedModel) -> Controller[Any]:
     """Control law of this name. Raises `NotFoundError` for another."""
     if law not in LAWS:
-        raise NotFoundError(f"law: unknown law {law!r}; laws: {', '.join(LAWS)}")
+        raise NotFoundError(f"law: unknown law {law!r}{suggested_name(law.lower(), LAWS)}; laws: {', '.join(LAWS)}")
     gains, period, mechanism = tuning.gains, tuning.control_period, tuning.mechanism
     gain, true = adaptation_gain(model, gains=gains, control_period=period), model.fundamental_parameters
     shared: dict[str, Any] = {

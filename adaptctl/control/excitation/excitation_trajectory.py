@@ -14,7 +14,7 @@ from adaptctl.caching import cached_property
 from adaptctl.control.adaptation import PriorRanges
 from adaptctl.control.excitation.measure import regressor_of
 from adaptctl.control.references import Sinusoids
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, validate_kind
 from adaptctl.identifiability import ReducedModel
 
 SAMPLES_PER_PERIOD = 40  # of the highest harmonic, at which limits are kept
@@ -346,6 +346,7 @@ def _checked(
     scale: ArrayLike | None,
     limits: MotionLimits | None,
 ) -> FourierSearch:
+    validate_kind(model, ReducedModel, "excitation trajectory", "as ReducedModel(mechanism) is one")
     frequency = positive_number(frequency, "frequency: expected a positive one in Hz")
     harmonics = whole_count(harmonics, "harmonics", 1)
     _validate_share(share)

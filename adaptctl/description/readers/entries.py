@@ -210,12 +210,18 @@ def is_more_than_a_turn(angles: Iterable[float] | float | None) -> bool:
 
 def warn_of_degrees(path: Any, links: Sequence[Link], frames: Sequence[str], stacklevel: int = 3) -> None:
     """Warn of angles read as rad that look like degrees."""
-    joints = [f"limits of {link.joint.name}" for link in links if _may_be_degrees(link)]
-    if names := [*joints, *frames]:
+    suspect = [link.joint for link in links if _may_be_degrees(link)]
+    if names := [*(f"limits of {joint.name}" for joint in suspect), *frames]:
+        most = max((abs(bound) for joint in suspect for bound in _bounds(joint)), default=180.0)
         text = "angles are read in radians, but look like degrees"
-        warnings.warn(f"{path}: {text}: {', '.join(names)}", SimplificationWarning, stacklevel=stacklevel)
+        hint = f"{most:g} degrees are {math.radians(most):.4g}"
+        warnings.warn(f"{path}: {text}: {', '.join(names)}; {hint}", SimplificationWarning, stacklevel=stacklevel)
 
 
 def _may_be_degrees(link: Link) -> bool:
-    bounds = (link.joint.limits.lower, link.joint.limits.upper)
-    return link.joint.kind.is_revolute and any(MIN_SUSPECT_LIMIT < abs(bound) <= MAX_SUSPECT_LIMIT for bound in bounds)
+    suspect = any(MIN_SUSPECT_LIMIT < abs(bound) <= MAX_SUSPECT_LIMIT for bound in _bounds(link.joint))
+    return link.joint.kind.is_revolute and suspect
+
+
+def _bounds(joint: Joint) -> tuple[float, float]:
+    return joint.limits.lower, joint.limits.upper

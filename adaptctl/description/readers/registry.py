@@ -218,7 +218,8 @@ def _reader(source: str | Path) -> Reader:
         raise FileError(f"{source}: unknown file type {path.suffix!r}; known: {suffixes}")
     if str(source) and path.exists():
         raise FileError(f"{source}: the file name has no suffix; expected one of {suffixes}")
-    guess = suggested_name(str(source).lower(), builtin_names())
+    files = [f"{source}{suffix}" for suffix in READERS if str(source) and Path(f"{source}{suffix}").is_file()]
+    guess = f" (did you mean {files[0]!r}?)" if files else suggested_name(str(source).lower(), builtin_names())
     known = ", ".join(builtin_names())
     raise NotFoundError(f"unknown robot {str(source)!r}{guess}; built-in: {known}; or a path to a file: {suffixes}")
 
