@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +16,7 @@ from test_export import exported
 
 import adaptctl
 from adaptctl.cli.main import main
-from adaptctl.codegen.closed_loop_check import _unlearned, check_closed_loop, default_reference
+from adaptctl.codegen.closed_loop_check import _motion, _unlearned, centre, check_closed_loop, default_reference
 from adaptctl.codegen.interface import Interface
 from adaptctl.control import ComputedTorque, Sinusoids
 from adaptctl.errors import InputError, VerdictError
@@ -52,6 +55,38 @@ def test_a_law_that_rings_or_never_learns_is_not_exported() -> None:
 def test_learned_is_an_error_below_5_mrad_or_a_third_of_the_first(started: float, ended: float, learned: bool) -> None:
     assert (_unlearned(Interface(slotine_li(GAIN)), started, ended) is None) is learned
     assert _unlearned(Interface(slotine_li(None)), started, ended) is None  # what does not adapt need not learn
+
+
+def test_the_motion_of_test_vectors_is_one_that_an_arm_could_make() -> None:
+    interface = Interface(slotine_li(GAIN))
+    reference: Any = default_reference(interface)
+    assert np.ravel(reference.amplitude) == pytest.approx(np.full(3, 0.1))
+    assert np.ravel(reference.frequency) == pytest.approx([0.2, 0.26, 0.32])
+    step = 1e-5
+    (p, v), points = _motion(interface, reference, step * np.arange(3)), reference(step * np.arange(3))
+    np.testing.assert_allclose((p[2] - p[0]) / (2.0 * step), v[1], rtol=1e-6)
+    off = p - points.p
+    assert 0.01 < np.abs(off).max() <= 0.02  # m or rad from the reference
+    with_period = [(_motion(interface, reference, np.array([0.0, 1.0 / x]))[0] - reference(np.array([0.0, 1.0 / x])).p)
+                   for x in (3.0, 4.0, 5.0)]  # fmt: skip
+    for j, both in enumerate(with_period):  # of whole numbers of Hz from 3 on
+        assert both[0, j] == pytest.approx(both[1, j], abs=1e-12)
+        assert both[0, (j + 1) % 3] != pytest.approx(both[1, (j + 1) % 3], abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("home", "expected"), [(0.0, 0.0), (2.9, np.deg2rad(150.0) - 0.15), (-3.0, 0.15 - np.deg2rad(150.0))]
+)
+def test_the_centre_is_home_or_near_it_within_the_limits(home: float, expected: float) -> None:
+    arm = adaptctl.load("two_link")
+    controller = SimpleNamespace(neutral_configuration=np.array([0.0, home]))
+    interface: Any = SimpleNamespace(controller=controller, mechanism=arm)
+    assert centre(interface) == pytest.approx([0.0, expected])
+    links = list(arm.description.links)
+    narrow = replace(links[1].joint, limits=replace(links[1].joint.limits, lower=0.2, upper=0.4))
+    links[1] = replace(links[1], joint=narrow)
+    interface.mechanism = adaptctl.Mechanism(replace(arm.description, links=tuple(links)))
+    assert centre(interface) == pytest.approx([0.0, 0.3])  # no room for the margin: the middle
 
 
 def test_what_failed_is_exported_where_that_is_asked_for_and_says_so(tmp_path: Path) -> None:

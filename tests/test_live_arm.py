@@ -70,6 +70,43 @@ def test_the_loop_in_the_page_is_the_one_that_is_simulated(name: str) -> None:
             machine.write(8 * to, machine.read(8 * at, size))
 
 
+def test_friction_and_limits_of_the_page_act_on_the_arm() -> None:
+    law, friction, limits = slotine_li(GAIN), np.array([2.0, 1.0, 0.5]), np.array([3.0, 2.0, 1.0])
+    p, v = np.array([0.1, -0.2, 0.3]), np.array([0.5, -1.0, 2.0])
+
+    def after(rubbing: np.ndarray, most: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Velocities after a period, and the torque that the law asks for."""
+        plant = Plant(ARM, 1e-3, torque_limits=most)
+        live = live_arm(plant, law, SWING, plant.init(p, v), np.asarray(ARM.inertial_parameters))
+        assert isinstance(live, LiveArm)
+        facts, machine = live.facts, Machine(live.binary)
+        for values, at in zip(facts["start"], facts["state"], strict=True):
+            machine.write(8 * at, values)
+        for name, values in {"parameters": facts["parameter"], "gains": facts["gain"], "friction": rubbing}.items():
+            machine.write(8 * facts[name], list(values))
+        machine.call(machine.exports["period"])
+        return np.array(machine.read(8 * facts["next"][1], 3)), np.array(machine.read(8 * facts["torque"], 3))
+
+    free, asked = after(np.zeros(3), np.full(3, 1e6))
+    M = ARM.mass_matrix(p[None])[0]
+    assert (np.abs(asked) > limits).any()
+    change = M @ (after(friction, np.full(3, 1e6))[0] - free) / 1e-3  # an impulse by the period
+    np.testing.assert_allclose(change, -friction * v, rtol=0.02, atol=0.01)
+    change = M @ (after(np.zeros(3), limits)[0] - free) / 1e-3
+    np.testing.assert_allclose(change, np.clip(asked, -limits, limits) - asked, rtol=0.01, atol=0.2)
+
+
+def test_facts_of_the_page_are_those_of_the_arm() -> None:
+    live = shown(slotine_li(GAIN), ARM)
+    assert isinstance(live, LiveArm)
+    facts, names = live.facts, [joint.name for joint in ARM.primary_joints]
+    assert (facts["period"], facts["joints"], facts["units"]) == (1e-3, names, ["mrad", "mm", "mrad"])
+    mass = sum(link.inertia[0] for link in ARM.links)
+    assert facts["heaviest"] == float(f"{0.25 * mass:.1g}")
+    assert facts["damping"] == np.broadcast_to(slotine_li(GAIN).damping, 3).tolist()
+    assert sum(facts["sizes"]) == sum(len(values) for values in facts["start"])
+
+
 def test_payload_friction_and_gains_are_arguments() -> None:
     live = shown(slotine_li(GAIN), ARM)
     assert isinstance(live, LiveArm)
