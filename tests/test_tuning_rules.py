@@ -144,6 +144,10 @@ def test_amplitudes_fall_until_torques_fit(share: float) -> None:
     room = 0.8 * (np.deg2rad([170, 150]) - np.abs(given.center))
     assert (given.amplitude <= np.minimum(0.5, room)).all()
     assert ((given.frequency >= 0.1) & (given.frequency <= 0.25)).all()
+    narrow = changed(lambda joint: replace(joint, limits=replace(joint.limits, lower=0.1, upper=0.3)), 1)
+    drawn: Any = feasible_reference(narrow, 1e3 * LIMITS, 1).reference
+    room = min(drawn.center.flat[1] - 0.1, 0.3 - drawn.center.flat[1])
+    assert 0.5 * 0.8 * room <= drawn.amplitude.flat[1] <= 0.8 * room
 
 
 def test_prior_ranges_are_of_a_body_that_the_joint_can_move() -> None:

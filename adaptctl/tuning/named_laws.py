@@ -83,9 +83,7 @@ def guarded(law: Controller[Any], tuning: Tuning) -> SafetyFilter:
     joints = [joint.limits for joint in tuning.mechanism.primary_joints]
     speed = np.array([limits.velocity for limits in joints])
     asked = np.abs(tuning.reference(np.linspace(0.0, 20.0, 400)).v).max(axis=0)
-    found: Array = np.where(
-        np.isfinite(speed) & (speed > 0.0), speed, np.maximum(MIN_SPEED_LIMIT, SPEED_MARGIN * asked)
-    )
+    found: Array = np.where(np.isfinite(speed), speed, np.maximum(MIN_SPEED_LIMIT, SPEED_MARGIN * asked))
     lower, upper = np.array([limits.lower for limits in joints]), np.array([limits.upper for limits in joints])
     return SafetyFilter(
         law,
