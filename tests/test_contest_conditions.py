@@ -13,7 +13,7 @@ from adaptctl.contest.conditions import CONDITIONS
 from adaptctl.contest.entries import ContestEntry
 from adaptctl.contest.known import Knowledge, Known
 from adaptctl.contest.laws import LAWS
-from adaptctl.contest.scene import Scene, scene_of
+from adaptctl.contest.scene import Scene, robot_name, scene_of
 from adaptctl.contest.unseen_motion import unseen_torque_error
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
@@ -171,3 +171,10 @@ def test_a_wrong_file_is_wrong_by_seed_and_unlike_the_links_of_that_seed(scene: 
     assert {x for each in links for x in each} == {0.7, 1.3}
     assert len({tuple(each) for each in links}) > 2
     assert links[:8] != links[8:]
+
+
+@pytest.mark.parametrize(
+    ("robot", "name"), [("two_link", "two_link"), ("arms/b.urdf", "b"), ("arm.toml", "arm"), ("{some}/x/y.xml", "y")]
+)
+def test_a_robot_is_called_by_its_name_or_file(robot: str, name: str) -> None:
+    assert robot_name(robot) == name

@@ -170,6 +170,8 @@ def test_figures_show_the_numbers_of_the_table_within_their_axes() -> None:
     ranks, cells = found["ranks"].axes[0], found["map"].axes[0]
     dots, bar = ranks.lines
     assert dots.get_xdata() == pytest.approx([table[law, "all"]["rank"] for law in ranking.order])
+    stems = sorted(np.asarray(stem)[:, 0].tolist() for stem in ranks.collections[0].get_segments())
+    assert stems == sorted([0.0, x] for x in dots.get_xdata())
     assert np.ptp(bar.get_xdata()) == pytest.approx(ranking.critical_difference)
     for axes, x, y in ((ranks, [0.0, *bar.get_xdata()], [-1.0, 3.0]), (cells, [-0.5, 1.5], [-0.5, 3.5])):
         assert min(axes.get_xlim()) <= min(x) < max(x) <= max(axes.get_xlim())

@@ -20,6 +20,7 @@ from adaptctl.identification.autoregression import autoregression, lasting_covar
 from adaptctl.identification.delay import Delay, _rate, estimated_delay
 from adaptctl.identification.entropic import EntropicPrior, _spread_enough
 from adaptctl.identification.log_checks import _clipped, _frozen, _impossible, _quantum, _spiked
+from adaptctl.identification.long_logs import Stretches
 from adaptctl.identification.preparation import _explained, _turns_off, derivative, filtered, low_pass, padded
 from adaptctl.identification.robot_motion import RobotLimits, RobotMotion
 from adaptctl.identification.uncertainty import Student, Uncertainty, _words, combinations, scaled_inverse
@@ -225,6 +226,16 @@ def test_a_delay_is_told_as_surely_as_it_is_known(value: float, deviation: float
     assert found.outcome.startswith(told)
     assert found.counts == (abs(value) > max(8.0 * deviation, 1e-3))
     assert found.determinable == (deviation <= 1e-3 / 3.0)
+
+
+def test_cutoffs_are_longer_than_a_log_and_below_half_its_rate() -> None:
+    grids = [SimpleNamespace(rate=rate, samples=n) for rate, n in ((100.0, 50), (80.0, 100))]
+    own: Any = SimpleNamespace(_grids=grids)
+    for cutoff in (4.01, 39.9):
+        Stretches.validate(own, cutoff)
+    for cutoff in (3.99, 4.0, 40.0, 40.1):
+        with pytest.raises(InputError, match="cutoff: expected between 4 and 40 Hz"):
+            Stretches.validate(own, cutoff)
 
 
 def test_impossible_samples_are_jumps_that_come_back() -> None:

@@ -13,7 +13,7 @@ import pytest
 from adaptctl.dynamics import load
 from adaptctl.experiments.contest import ADAPTATION_OFF, Outcome, _gravity, listed, thinning
 from adaptctl.experiments.laws import Laws, ParameterErrors, Recovery, _drifted, _recoveries, _span, each, held_back
-from adaptctl.experiments.laws_controllers import deviations, friction_columns
+from adaptctl.experiments.laws_controllers import Draft, deviations, friction_columns
 from adaptctl.identifiability import ReducedModel
 from adaptctl.recording import ControllerRun
 from adaptctl.simulation.effects import ElasticJoints, Encoder, Friction, PayloadHeld
@@ -193,3 +193,42 @@ def test_deviations_of_a_body_are_those_of_its_size() -> None:
     found_columns = dict(friction_columns(ReducedModel.full(friction)))
     assert {names[k].partition(".")[0] for k in found_columns} == {joint.name for joint in friction.primary_joints}
     assert all(names[k].startswith(f"{friction.primary_joints[j].name}.") for k, j in found_columns.items())
+
+
+def test_a_draft_is_as_unsure_as_the_rough_model_and_the_load() -> None:
+    arm = load("puma560_friction")
+    given: Any = {"laws": ("gradient",), "robot": "puma560_friction", "disturbance": "none", "parameter_error": 0.2}
+    of, model = Laws(**given, gain_scale=3.0, prediction_weight=50.0), ReducedModel.full(arm)
+    draft, columns = Draft(of, model), dict(friction_columns(model))
+    limits, links = np.array(arm.effort_limits), [k for k in range(60) if k not in columns]
+    np.testing.assert_allclose(draft.unknown[links], deviations(model, of.rough(arm), 0.2)[links])
+    for k, joint in columns.items():
+        assert draft.unknown[k] == pytest.approx(0.1 * limits[joint])
+        assert draft.first[k] == 0.0
+    ratio = draft.first[[0, 10, 20]] / arm.inertial_parameters[[0, 10, 20]]
+    assert set(np.round(ratio[np.isfinite(ratio)], 9)) <= {0.8, 1.2}
+    np.testing.assert_allclose(draft.gain, 3.0 * draft.unknown**2)
+    gain, weight, cutoff = draft.predicting
+    np.testing.assert_array_equal(gain, draft.gain)
+    np.testing.assert_allclose(weight * limits**2, 50.0)
+    assert cutoff == 5.0
+    bounds = draft.projected(0.5)
+    np.testing.assert_allclose(bounds.upper - bounds.lower, 8.0 * draft.unknown)  # four deviations each way
+    natural, first = draft.natural()
+    assert natural.gain == pytest.approx(3.0 * 0.2**2)
+    np.testing.assert_array_equal(first, of.rough(arm))
+
+
+def test_a_draft_that_loads_the_arm_expects_half_a_load() -> None:
+    of = Laws(laws=("gradient",), disturbance="payload", gain_scale=2.0)
+    arm = load("puma560_geared")
+    draft = Draft(of, ReducedModel.full(arm))
+    assert of.recovers
+    natural, first = draft.natural()
+    rough = of.rough(arm)
+    assert first[50] - rough[50] == pytest.approx(0.5 * of.payload)
+    # the mass of the last body is unsure by the file's share of it and by the load, together
+    unsure = np.hypot(of.parameter_error * rough[50], of.payload)
+    assert natural.gain[5] == pytest.approx(2.0 * (unsure / first[50]) ** 2)
+    assert natural.gain[0] == pytest.approx(2.0 * of.parameter_error**2)
+    assert draft.unknown[50] == pytest.approx(unsure)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from adaptctl.errors import InputError
-from adaptctl.experiments.replication.arms import paper_rank, parameters
+from adaptctl.experiments.replication.arms import Arm, paper_rank, parameters
 from adaptctl.experiments.replication.judging import (
     Check,
     Claim,
@@ -24,7 +25,7 @@ from adaptctl.experiments.replication.judging import (
     judged,
     percent,
 )
-from adaptctl.experiments.replication.puma560 import _plane, combination
+from adaptctl.experiments.replication.puma560 import _plane, combination, excess
 
 
 @given(st.floats(1e-6, 1e4), st.sampled_from([-1.0, 1.0]), st.integers(1, 6))
@@ -137,3 +138,29 @@ def test_parameters_of_tables_have_the_signs_of_the_paper() -> None:
 @given(st.floats(-3.0, 3.0), st.floats(-5.0, 5.0), st.floats(-5.0, 5.0))
 def test_projections_on_a_line_are_those_of_the_paper(c: float, first: float, second: float) -> None:
     assert _plane(c, np.array([first, second])) < 1e-12
+
+
+def test_the_fewest_components_are_those_from_which_on_all_torques_are_close() -> None:
+    # torques of two joints of mean squares 4 and 1; errors of two draws with 0 to 3 components
+    torque = np.array([[2.0, 1.0], [-2.0, -1.0]])[..., None]
+    one = [[4.0, 1.0], [0.2, 4e-3], [0.3, 9e-4], [0.0, 0.0]]
+    errors = np.array([one, [[4.0, 1.0], [9e-3, 2e-3], [3e-4, 9e-5], [0.0, 0.0]]])
+    arm: Any = SimpleNamespace(motion=SimpleNamespace(Y=torque), parameters=np.ones(1), torque_errors=errors)
+    words, share = Arm.fewest(arm, 2)
+    # within 5 %: squares below 0.01 and 0.0025; the first draw with 3 components, the second with 1
+    assert words == "2 within 5\N{NO-BREAK SPACE}%, 2 within 1\N{NO-BREAK SPACE}%, 3 within 0.1\N{NO-BREAK SPACE}%"
+    assert share == 0.5
+    assert Arm.fewest(arm, 1)[1] == 1.0
+
+
+def test_an_excess_is_what_rounding_does_not_explain() -> None:
+    def table(mass: str) -> Printed:
+        names = ("mc_x", "mc_y", "mc_z", "I_x", "I_xy", "I_y", "I_xz", "I_yz", "I_z")
+        return Printed("n", columns=["1"], rows={"m": mass} | dict.fromkeys(names, "0.00"))
+
+    space: Any = SimpleNamespace(basis=np.eye(10)[:, :1])
+    free = np.zeros(10, dtype=bool)
+    assert excess(space, table("1.50"), table("1.52"), free) == pytest.approx(4.0)  # half units of the last digit
+    free[0] = True
+    assert excess(space, table("1.50"), table("1.52"), free) == pytest.approx(3.0)
+    assert excess(space, table("1.50"), table("1.51"), free) == pytest.approx(1.0)

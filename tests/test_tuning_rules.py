@@ -156,6 +156,8 @@ def test_prior_ranges_are_of_a_body_that_the_joint_can_move() -> None:
         assert named[f"{link}.mc_x"] ** 2 == pytest.approx(named[f"{link}.m"] * named[f"{link}.I_zz"])
         assert 0.0 < named[f"{link}.m"] <= 5.0
     assert named["upper.I_zz"] > named["lower.I_zz"]
+    free = dict(zip(ARM.parameter_names, prior_ranges(ARM, 1e9), strict=True))
+    assert free["lower.m"] * (0.3 / 3.0) ** 2 == pytest.approx(free["lower.I_zz"])  # at a third of what is behind it
     light = dict(zip(ARM.parameter_names, prior_ranges(ARM, 0.1), strict=True))
     assert light["lower.m"] == 0.1
 
