@@ -226,7 +226,7 @@ def intersect(solid: ConvexPart, origin: Array, rays: Array) -> Hits:
         root = np.sqrt(inside)
         distance = (-b - root) / a
         height = offset + distance * along
-        ends = _caps(solid, root, (a, b, along, offset, length), (origin, rays))
+        ends = _caps(solid, (a, b, c), (along, offset, length), (origin, rays))
     on_side = (inside >= 0.0) & (height > 0.0) & (height < length) & (distance > 0.0)
     point = away + distance[..., None] * rays
     side = (point - (height / length)[..., None] * axis) / solid.radius
@@ -234,16 +234,20 @@ def intersect(solid: ConvexPart, origin: Array, rays: Array) -> Hits:
 
 
 def _caps(
-    solid: ConvexPart, root: Array, line: tuple[Array, Array, Array, Array, float], rays: tuple[Array, Array]
+    solid: ConvexPart,
+    off_axis: tuple[Array, Array, Array],
+    line: tuple[Array, Array, float],
+    rays: tuple[Array, Array],
 ) -> Hits:
-    a, b, along, offset, length = line
+    """First intersections with the ends, where a d^2 + 2 b d + c is negative inside the cylinder."""
+    (a, b, c), (along, offset, length) = off_axis, line
     if not solid.flat:
         start, end = (_ball(point, solid.radius, *rays) for point in (solid.start, solid.end))
         first = start.distance <= end.distance
         return Hits(np.where(first, start.distance, end.distance), np.where(first[..., None], start.normal, end.normal))
     facing = along < 0.0
     distance = (np.where(facing, length, 0.0) - offset) / along
-    hit = (np.abs(b + a * distance) < root) & (distance > 0.0)
+    hit = ((a * distance + 2.0 * b) * distance + c < 0.0) & (distance > 0.0)
     outward = np.where(facing[..., None], 1.0, -1.0) * _unit(solid.end - solid.start)
     return Hits(np.where(hit, distance, MISS_DISTANCE), outward)
 
