@@ -1,165 +1,34 @@
-"""Rules of tuning, each against what its numbers mean."""
+"""Judgement of tunings, searches, notes and laws by name, each against what its numbers mean."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from two_links import ARM, AT_REST, LIMITS, changed
 
 from adaptctl.control import GuardedLearning, PDGravity, Sinusoids
-from adaptctl.description import Joint, JointKind, Limits
+from adaptctl.description import JointKind, Limits
 from adaptctl.description.drive import Drive
-from adaptctl.dynamics import Mechanism, load
 from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation import LinearlyImplicitEuler, SemiImplicitEuler
 from adaptctl.tuning import Tuning, tune
-from adaptctl.tuning.default_gains import prior_ranges
-from adaptctl.tuning.feasible_gains import FeasibleGains, feasible_gains, limitations, recoverable_error
-from adaptctl.tuning.feasible_reference import FeasibleReference, feasible_reference, judged_reference, motion_range
+from adaptctl.tuning.feasible_reference import (
+    FeasibleReference,
+)
 from adaptctl.tuning.learning_rule import learning_by_rule
 from adaptctl.tuning.named_laws import guarded, named_law
 from adaptctl.tuning.rotors import rotor_note, rotorless
 from adaptctl.tuning.tune import _notes, _run_remarks, _searched
 from adaptctl.tuning.verification import Verification, _verified, measures
 
-ARM = load("two_link")
-LIMITS = np.array([60.0, 25.0])
-AT_REST = Sinusoids(np.zeros(2), np.zeros(2), np.ones(2))
-
-
-def changed(joint: Callable[[Joint], Joint], only: int | None = None, **more: Any) -> Mechanism:
-    """Two-link arm with other joints."""
-    links = [replace(link, joint=joint(link.joint)) if only in (None, k) else link
-             for k, link in enumerate(ARM.description.links)]  # fmt: skip
-    return Mechanism(replace(ARM.description, links=tuple(links), **more))
-
 
 @pytest.fixture(scope="module")
 def tuned() -> Tuning:
     return tune(ARM)
-
-
-@pytest.mark.parametrize(
-    ("lower", "upper", "expected"),
-    [
-        (-0.3, 0.5, (-0.3, 0.5)),
-        (-np.inf, np.inf, (-1.0, 1.0)),
-        (0.5, np.inf, (0.5, 2.5)),
-        (-np.inf, 0.5, (-1.5, 0.5)),
-        (-1e16, 1e16, (-1.0, 1.0)),  # a number for none
-        (0.5, 1e16, (0.5, 2.5)),
-    ],
-)
-def test_a_joint_without_limits_moves_a_radian_about_zero(
-    lower: float, upper: float, expected: tuple[float, float]
-) -> None:
-    joint = replace(ARM.primary_joints[0], limits=Limits(lower, upper))
-    assert motion_range(joint) == pytest.approx(expected)
-
-
-def test_an_initial_error_is_what_torques_correct_at_one_per_second() -> None:
-    down = Sinusoids(np.array([-0.5 * np.pi, 0.0]), np.zeros(2), np.ones(2))  # hanging, without gravity's torque
-    inertia = np.diagonal(ARM.mass_matrix(np.array([-0.5 * np.pi, 0.0])))
-    assert recoverable_error(ARM, 1e3 * LIMITS, down) == pytest.approx([0.1, 0.1])
-    weak = 0.01 * inertia / 0.3  # 0.3 of it accelerates as a hundredth does at 1/s
-    still = changed(lambda joint: joint, gravity=np.zeros(3))
-    assert recoverable_error(still, weak, down) == pytest.approx([0.01, 0.01])
-    narrow = changed(lambda joint: replace(joint, limits=replace(joint.limits, lower=-0.1, upper=0.1)), 1)
-    assert recoverable_error(narrow, 1e3 * LIMITS, down) == pytest.approx([0.1, 0.02])  # a tenth of the range
-    tight = 0.9 * np.abs(ARM.inverse_dynamics(down(0.0).p + 0.1, np.zeros(2), np.zeros(2))) / 0.4
-    found = recoverable_error(ARM, tight, down)
-    load_there = np.abs(ARM.inverse_dynamics(down(0.0).p + found, np.zeros(2), np.zeros(2))) / tight
-    assert found == pytest.approx(np.full(2, 0.08))  # a fifth less, where gravity is a ninth more than it may be
-    assert 0.3 < load_there.max() <= 0.4
-
-
-@pytest.mark.parametrize(("effort", "slow"), [(1e4, False), (0.1, True)])
-def test_the_bandwidth_is_what_a_third_of_the_torque_corrects(effort: float, slow: bool) -> None:
-    p, off, limits = np.zeros((1, 2)), np.full(2, 0.1), np.full(2, effort)
-    found = feasible_gains(ARM, limits, p, off, 1e-3, 4.0, 0.5)
-    M = ARM.mass_matrix(p)[0]
-    rates = np.sqrt(0.3 * effort / (np.diagonal(M) * 0.1))
-    assert found.gains.bandwidth == pytest.approx(rates if slow else [4.0, 4.0])
-    assert found.limited_by_torque.tolist() == [slow, slow]
-    assert found.limited_by_sampling.tolist() == [not slow, not slow]
-    assert found.free_inertia == pytest.approx(1.0 / np.diagonal(np.linalg.inv(M)))
-    if slow:
-        assert found.gains.damping * rates * 0.1 == pytest.approx(np.full(2, 0.5 * effort))
-    else:
-        ratio = 1e-3 * np.linalg.eigvals(np.linalg.solve(M, np.diag(found.gains.damping))).max()
-        assert 0.45 < ratio <= 0.5 + 1e-12
-
-
-def test_viscous_friction_is_inertia_and_coulomb_friction_is_none() -> None:
-    rubbing = ARM.with_drives([Drive(viscous=300.0, coulomb=5.0), Drive(viscous=50.0)])
-    p, limits = np.zeros((2, 2)), np.full(2, 1e6)
-    found = feasible_gains(rubbing, limits, p, np.full(2, 0.1), 1e-3, 4.0, 0.5)
-    held = ARM.mass_matrix(p)[0] + np.diag([0.3, 0.05])
-    assert found.free_inertia == pytest.approx(1.0 / np.diagonal(np.linalg.inv(held)))
-
-
-def test_what_limits_gains_is_told_in_the_units_of_the_joint() -> None:
-    mixed = changed(lambda joint: replace(joint, kind=JointKind.PRISMATIC), 1)
-
-    def told(sampled: bool, weak: bool) -> list[str]:
-        both = np.ones(2, bool)
-        given = FeasibleGains(AT_REST, both & sampled, np.array([0.2, 0.5]), both & weak)  # type: ignore[arg-type]
-        return list(limitations(mixed, given))
-
-    turn, slide = told(True, True)
-    assert "adding 0.6 kg m² of reflected rotor inertia would allow 4× the damping" in turn  # 3 times the free inertia
-    assert "adding 2 kg of drive mass" in slide
-    assert told(False, True) == ["Λ and K are limited by the torque limit"] * 2
-    assert told(False, False) == ["K is limited by the torque limit"] * 2
-
-
-def test_shares_at_rest_are_of_gravity_and_coulomb_friction() -> None:
-    level = Sinusoids(np.zeros(2), np.zeros(2), np.ones(2))
-    # lever arms of the two centres of mass are 0.2 and 0.55 m, and 0.15 m about the elbow
-    gravity = 9.81 * np.array([2.0 * 0.2 + 1.2 * 0.55, 1.2 * 0.15])
-    found = judged_reference(ARM.with_drives([Drive(coulomb=3.0), Drive()]), LIMITS, level)
-    assert found.static == pytest.approx((gravity + np.array([3.0, 0.0])) / LIMITS, rel=2e-3)
-    assert found.reduced.tolist() == [1.0, 1.0]
-    swing: Any = Sinusoids(np.zeros(2), np.array([0.5, 0.0]), np.full(2, 0.5))
-    points = swing(np.linspace(0.0, 20.0, 4001))
-    peak = np.abs(ARM.inverse_dynamics(points.p, points.v, points.a)).max(axis=0) / LIMITS
-    assert judged_reference(ARM, LIMITS, swing).asked == pytest.approx(peak, rel=0.01)
-
-
-@pytest.mark.parametrize("share", [0.1, 0.25, 1.0])
-def test_amplitudes_fall_until_torques_fit(share: float) -> None:
-    limits = share * LIMITS
-    found, free = feasible_reference(ARM, limits, 1), feasible_reference(ARM, 1e3 * LIMITS, 1)
-    mine: Any = found.reference
-    points = mine(np.linspace(0.0, 20.0, 801))
-    asked = np.abs(ARM.inverse_dynamics(points.p, points.v, points.a)).max(axis=0) / limits
-    assert (asked <= np.clip(0.5 + 0.5 * found.static, 0.6, 0.95) + 0.01).all()
-    assert (found.reduced.min() < 1.0) == (share == 0.1)
-    assert free.reduced.tolist() == [1.0, 1.0]
-    given: Any = free.reference
-    room = 0.8 * (np.deg2rad([170, 150]) - np.abs(given.center))
-    assert (given.amplitude <= np.minimum(0.5, room)).all()
-    assert ((given.frequency >= 0.1) & (given.frequency <= 0.25)).all()
-    narrow = changed(lambda joint: replace(joint, limits=replace(joint.limits, lower=0.1, upper=0.3)), 1)
-    drawn: Any = feasible_reference(narrow, 1e3 * LIMITS, 1).reference
-    room = min(drawn.center.flat[1] - 0.1, 0.3 - drawn.center.flat[1])
-    assert 0.5 * 0.8 * room <= drawn.amplitude.flat[1] <= 0.8 * room
-
-
-def test_prior_ranges_are_of_a_body_that_the_joint_can_move() -> None:
-    named = dict(zip(ARM.parameter_names, prior_ranges(ARM), strict=True))
-    for link in ("upper", "lower"):
-        assert named[f"{link}.mc_x"] ** 2 == pytest.approx(named[f"{link}.m"] * named[f"{link}.I_zz"])
-        assert 0.0 < named[f"{link}.m"] <= 5.0
-    assert named["upper.I_zz"] > named["lower.I_zz"]
-    free = dict(zip(ARM.parameter_names, prior_ranges(ARM, 1e9), strict=True))
-    assert free["lower.m"] * (0.3 / 3.0) ** 2 == pytest.approx(free["lower.I_zz"])  # at a third of what is behind it
-    light = dict(zip(ARM.parameter_names, prior_ranges(ARM, 0.1), strict=True))
-    assert light["lower.m"] == 0.1
 
 
 def run_of(error: list[np.ndarray], applied: np.ndarray | None = None) -> Any:
