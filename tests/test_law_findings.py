@@ -14,6 +14,8 @@ from adaptctl.dynamics import load
 from adaptctl.experiments.contest import ADAPTATION_OFF, Outcome, _gravity, listed, thinning
 from adaptctl.experiments.laws import Laws, ParameterErrors, Recovery, _drifted, _recoveries, _span, each, held_back
 from adaptctl.experiments.laws_controllers import Draft, deviations, friction_columns
+from adaptctl.experiments.replication.closed_loop import _answer, _answers
+from adaptctl.experiments.task_space import TaskSpaceTracking
 from adaptctl.identifiability import ReducedModel
 from adaptctl.recording import ControllerRun
 from adaptctl.simulation.effects import ElasticJoints, Encoder, Friction, PayloadHeld
@@ -232,3 +234,47 @@ def test_a_draft_that_loads_the_arm_expects_half_a_load() -> None:
     assert natural.gain[5] == pytest.approx(2.0 * (unsure / first[50]) ** 2)
     assert natural.gain[0] == pytest.approx(2.0 * of.parameter_error**2)
     assert draft.unknown[50] == pytest.approx(unsure)
+
+
+def test_tool_errors_are_of_the_first_and_the_last_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
+    time = STEP * np.arange(600)
+    size = np.where(time < 0.995, 0.03, np.where(time < 3.995, 0.5, 0.004))
+    monkeypatch.setattr(TaskSpaceTracking, "tip", lambda *_: SimpleNamespace(at=lambda p: p))
+    monkeypatch.setattr(TaskSpaceTracking, "path", lambda _, time: SimpleNamespace(p=np.ones((len(time), 3))))
+
+    def run(name: str, share: float) -> ControllerRun:
+        p = 1.0 + share * size[:, None] * np.array([2.0, -1.0, 2.0]) / 3.0  # of length one
+        return run_of(size, name, p=p)
+
+    outcome = Outcome(ARM, (run("task-space", 1.0), run(ADAPTATION_OFF, 2.0), run("joint-space", 0.5)), True)
+    told = TaskSpaceTracking.told(TaskSpaceTracking(), outcome, None)  # type: ignore[arg-type]
+    found = {one.name: one.value for one in told.findings}
+    assert found["first_tool_error.task-space"] == pytest.approx(30.0)
+    assert found["final_tool_error.task-space"] == pytest.approx(4.0)
+    assert found[f"final_tool_error.{ADAPTATION_OFF}"] == pytest.approx(8.0)
+    assert told.answer is not None
+    assert "2 s is 4 mm, and 8 mm without adaptation" in told.answer
+    assert "is 2 mm (Joint-Space)" in told.answer
+    assert told.task_error is not None
+    assert told.task_error.errors["task-space"] == pytest.approx(size)
+
+
+def test_an_answer_on_two_arms_compares_their_operations() -> None:
+    def arm(label: str, flops: int, rank: int) -> dict[str, Any]:
+        finding = {"final_tool_error.adaptive": {"value": 0.5}, "first_tool_error.adaptive": {"value": 40.0}}
+        runs = {"adaptive": {"tick": {"flops": flops}}, "adaptive-full": {"tick": None}}
+        return {"label": label, "links": 3, "joints": 4, "actuators": 3, "inertial_parameters": 30, "rank": rank,
+                "rank_printed": 16, "regressor_flops": {"reduced": 1000, "full": 2000}, "findings": finding,
+                "runs": runs, "lyapunov_max_increase": 0.0}  # fmt: skip
+
+    arms = {"a": arm("serial arm", 1500, 15), "b": arm("loop", 4500, 23)}
+    assert _answers(arms["a"])["Operations of an adaptive control step"] == "1,500"
+    assert _answers(arms["a"])["Lyapunov function rises"] == "never"
+    assert _answers(arms["a"])["Operations of the regressor, base and all parameters"] == "1,000, 2,000"
+    assert _answers(arms["a"] | {"lyapunov_max_increase": 0.25})["Lyapunov function rises"] == "by 0.25 J"
+    assert _answers(arms["a"] | {"lyapunov_max_increase": None})["Lyapunov function rises"] == "–"
+    told = _answer(arms)
+    assert "0.5 mm (serial arm) and 0.5 mm (loop)" in told
+    assert "takes 3 times the operations, for 23 base parameters instead of 15." in told
+    assert "times the operations" not in _answer({"a": arms["a"]})
+    assert "times the operations" not in _answer(arms | {"b": arm("loop", 0, 23)})
