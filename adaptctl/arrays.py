@@ -11,7 +11,7 @@ from typing import Any, Concatenate, ParamSpec, Protocol, TypeGuard, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.errors import InputError, NonFiniteError, printable
+from adaptctl.errors import InputError, NonFiniteError, printable, shown
 
 MAX_SETTING = 1e30
 """magnitude of settings, and the inverse of the smallest, so that products of several are finite and not 0"""
@@ -55,7 +55,7 @@ def numbers(values: ArrayLike, what: str, kind: str = "") -> Array:
         validate_plain(values)
         return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
-        raise InputError(f"{what}: expected numbers {kind}".rstrip() + f", got {values!r}") from error
+        raise InputError(f"{what}: expected numbers {kind}".rstrip() + f", got {shown(values)}") from error
 
 
 def validate_plain(values: object) -> None:
@@ -101,7 +101,7 @@ def per_joint(values: ArrayLike, dof: int, what: str) -> Array:
     """Read-only float64 array (dof,), one number per joint."""
     array = numbers(values, what)
     if np.asarray(values).dtype == np.bool_:
-        raise InputError(f"{what}: expected numbers, got {values!r}")
+        raise InputError(f"{what}: expected numbers, got {shown(values)}")
     if array.shape not in ((), (dof,)):
         raise InputError(f"{what}: expected a number or {dof} of them, got shape {array.shape}")
     if np.isnan(array).any():

@@ -50,11 +50,16 @@ def printable(text: str, most: int = 80) -> str:
     return text
 
 
+def shown(value: object) -> str:
+    """Return the representation of a value in a line of at most 80 characters."""
+    return printable(" ".join(repr(value).split()))
+
+
 def validate_kind(given: object, kind: type, what: str, made: str) -> None:
     """Raise `InputError` unless `given` is of class `kind`."""
     if not isinstance(given, kind):
         article = "an" if kind.__name__[0] in "AEIO" else "a"
-        raise InputError(f"{what}: expected {article} {kind.__name__}, {made}, got {printable(repr(given))}")
+        raise InputError(f"{what}: expected {article} {kind.__name__}, {made}, got {shown(given)}")
 
 
 class InputError(AdaptctlError, ValueError):

@@ -13,6 +13,7 @@ import adaptctl
 from adaptctl.control import Sinusoids, excitation_trajectory, sliding_variable
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, NotFoundError
+from adaptctl.hardware import HardwareLimits, MuJoCoRobot, drive, motion_about, with_rotors
 from adaptctl.tuning.named_laws import named_law
 
 WRONG = cast(Any, "two_link")
@@ -33,6 +34,21 @@ def arm() -> Mechanism:
         (lambda arm: adaptctl.identify([None], arm), "logs: expected files, got None"),
         (lambda arm: Sinusoids(None, [0.1, 0.1], [0.1, 0.1]), "center: expected numbers, got None"),
         (lambda arm: Sinusoids([0.0, None], [0.1, 0.1], [0.1, 0.1]), "center: expected numbers, got [0.0, None]"),
+        (
+            lambda arm: adaptctl.tune(arm, reference=cast(Any, np.zeros((9, 2)))),
+            "reference: expected a Reference, as Spl",
+        ),
+        (
+            lambda arm: drive(MuJoCoRobot(arm), adaptctl.ComputedTorque(arm, 8.0), WRONG, 1.0),
+            "reference: expected a Reference, as Spline(positions,",
+        ),
+        (
+            lambda arm: adaptctl.load(cast(Any, np.zeros((9, 2)))),
+            "expected a robot's name, a file, a pinocchio.Model or",
+        ),
+        (lambda arm: motion_about([0.0] * 3, HardwareLimits.of(arm)), "posture: expected shape (..., 2), got (3,)"),
+        (lambda arm: motion_about([0.0] * 2, WRONG), "limits: expected a HardwareLimits, as HardwareLimits.of(mech"),
+        (lambda arm: with_rotors(WRONG), "with_rotors: expected a Mechanism, as load(...) gives one, got 'two_link'"),
         (lambda arm: arm.mass_matrix(None), "two_link: p: expected numbers of shape (..., 2), got None"),
     ],
 )
@@ -59,6 +75,24 @@ def test_a_time_of_another_name_is_offered(column: str, pair: str, arm: Mechanis
     with pytest.raises(InputError) as error:
         adaptctl.identify(log, arm, columns={"position": "q{}", "torque": "u{}"})
     assert f"specify it: --columns {pair}, or the rate of even rows: --sample-rate HZ" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("columns", "pairs"),
+    [
+        ("time,p.joint1,p.joint2,torque.joint1,torque.joint2", "position=p.joint{} torque=torque.joint{}"),
+        ("t,q1 [deg],q2 [deg],M1 [Nm],M2 [Nm]", "'position=q{} [deg]' 'torque=M{} [Nm]'"),
+        ("t,q0,q1,tau0,tau1", "position=q{0} torque=tau{0}"),
+        ("t,power1,power2,pos_shoulder,pos_elbow,i1,i2", "position=pos_{joint} torque=Torque{}"),
+        ("t,q1,Torque10,Torque20", "position=Position{} torque=Torque{}0"),
+    ],
+)
+def test_columns_that_a_log_has_are_offered(columns: str, pairs: str, arm: Mechanism, tmp_path: Path) -> None:
+    log, n = tmp_path / "log.csv", columns.count(",") + 1
+    log.write_text("\n".join([columns, *(",".join([str(k)] * n) for k in range(2))]))
+    with pytest.raises(InputError) as error:
+        adaptctl.identify(log, arm)
+    assert f"specify them with --columns, such as {pairs} ({{}}: number" in str(error.value)
 
 
 def test_a_law_in_capitals_is_offered_in_small_letters() -> None:

@@ -32,7 +32,7 @@ from adaptctl.control.pytree import (
     validate_state,
     validate_step,
 )
-from adaptctl.errors import InputError, NonFiniteError
+from adaptctl.errors import InputError, NonFiniteError, shown
 from adaptctl.scalars import Column, Structure, Tunable
 
 
@@ -437,7 +437,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
         if type(memory) is self._kind:
             return row_each(memory._array, arms, "state")
         if not isinstance(memory, tuple):
-            raise InputError(f"{type(self).__name__}: state: expected that of init(p, v), got {memory!r:.80}")
+            raise InputError(f"{type(self).__name__}: state: expected that of init(p, v), got {shown(memory)}")
         if arms:
             columns = rows_of_arms(leaves(memory), self._memory_sizes, arms)
             shaped = [values.reshape(*arms, -1) if values.ndim > 1 else values for values in columns.values()]

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, numbers
-from adaptctl.errors import InputError, TraceError
+from adaptctl.errors import InputError, TraceError, shown
 from adaptctl.scalars import Column, where
 from adaptctl.scalars.scalar import Condition
 
@@ -40,7 +40,7 @@ def validate_state(law: Any, state: Any) -> Any:
     if not _is_state(state):
         raise InputError(
             f"{type(law).__name__}.initial_state: expected it to return a NamedTuple of arrays, or () for no state, "
-            f"got {state!r:.80}"
+            f"got {shown(state)}"
         )
     return state
 
@@ -54,7 +54,7 @@ def validate_point(law: Any, point: Any) -> Any:
     """Three parts of a reference, else `InputError`."""
     if not isinstance(point, tuple) or len(point) != 3:
         what = f"{type(law).__name__}: reference: expected a ReferencePoint, as reference(t) is one"
-        raise InputError(f"{what}, got {point!r:.80}")
+        raise InputError(f"{what}, got {shown(point)}")
     return point
 
 

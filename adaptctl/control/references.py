@@ -16,8 +16,15 @@ from adaptctl.caching import cached_property
 from adaptctl.compilation import compile_function
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.control.minimum_jerk import quintic
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, shown
 from adaptctl.scalars import Column, Scalar, cos, sin, where
+
+
+def validate_reference(reference: object) -> None:
+    """Raise `InputError` unless `reference` can be called."""
+    if not callable(reference):
+        made = "as Spline(positions, times) makes one"
+        raise InputError(f"reference: expected a Reference, {made}, got {shown(reference)}")
 
 
 class SinusoidNumbers(NamedTuple):

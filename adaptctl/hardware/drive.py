@@ -11,6 +11,7 @@ import numpy as np
 from adaptctl.arrays import Array, positive_number
 from adaptctl.control import SafetyFilter
 from adaptctl.control.controller import Controller, Reference
+from adaptctl.control.references import validate_reference
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, validate_kind
 from adaptctl.hardware.checks import (
@@ -125,6 +126,7 @@ def drive(
     validate_kind(controller, Controller, "controller", "as adaptive_controller(...) gives one")
     seconds = positive_number(duration, "duration: expected a positive time in s")
     greatest = positive_number(max_error, "max_error: expected a positive error in rad")
+    validate_reference(reference)
     arm = mechanism_of(controller, mechanism)
     validate_periods(controller, robot.period)
     validate_no_tank(controller)

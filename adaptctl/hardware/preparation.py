@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import real_number
+from adaptctl.arrays import checked, real_number
 from adaptctl.control import Sinusoids, SlotineLi
 from adaptctl.control.controller import Reference
 from adaptctl.control.gains.gain_design import largest_with_delay
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, validate_kind
 from adaptctl.hardware.gravity import parameters_with
 from adaptctl.hardware.robot import HardwareLimits
 from adaptctl.tuning import adaptive_controller
@@ -44,13 +44,21 @@ def motion_about(p: ArrayLike, limits: HardwareLimits, amplitude: float = AMPLIT
     Sinusoids
         Sinusoids of 0.2 to 0.45 Hz that start at rest at the posture.
 
+    Raises
+    ------
+    InputError
+        If the posture has another number of joints than the limits, or is not of numbers.
+    NonFiniteError
+        If a position is not finite.
+
     Examples
     --------
     >>> from adaptctl.hardware import HardwareLimits, motion_about
     >>> motion_about(p, HardwareLimits.of(arm)).at(0.0).p
     array([0.3, 0.5])
     """
-    center = np.asarray(p, dtype=np.float64)
+    validate_kind(limits, HardwareLimits, "limits", "as HardwareLimits.of(mechanism) gives")
+    center = checked(p, limits.dof, "posture")
     frequency = np.linspace(*FREQUENCIES, center.size)
     room = ROOM_SHARE * np.minimum(center - limits.lower, limits.upper - center)
     speed = SPEED_SHARE * limits.velocity / (2.0 * np.pi * frequency)

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError, NotFoundError, SimplificationWarning
+from adaptctl.errors import InputError, NotFoundError, SimplificationWarning, validate_kind
 from adaptctl.tuning.rotors import rotorless
 
 ROTOR = 0.02
@@ -69,7 +69,7 @@ def with_rotors(mechanism: Mechanism, profile: str | None = None) -> Mechanism:
     NotFoundError
         If the profile is unknown.
     InputError
-        If the profile is of another number of joints.
+        If the profile is of another number of joints, or the mechanism none.
 
     Warns
     -----
@@ -90,6 +90,7 @@ def with_rotors(mechanism: Mechanism, profile: str | None = None) -> Mechanism:
     >>> geared.parameter_names[-2:]
     ('shoulder.rotor_inertia', 'elbow.rotor_inertia')
     """
+    validate_kind(mechanism, Mechanism, "with_rotors", "as load(...) gives one")
     missing = rotorless(mechanism)
     inertias = _guessed(mechanism) if profile is None else _published(mechanism, profile)
     if not missing:

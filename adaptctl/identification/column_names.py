@@ -5,11 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from itertools import pairwise
+from shlex import quote
 
 from adaptctl.errors import InputError
 from adaptctl.logs.table import LogTable
 
 RANGE = re.compile(r"(\d+)(?:-(\d+))?$")
+WORDS = {"position": "p|q|pos|position|theta|angle", "torque": "torque|tau|trq|effort|moment|m|current|cur"}
+"""beginnings of names that columns of each kind have"""
+TIME_NAME = re.compile(r"(time|t|stamp|timestamp|sec|seconds)\b", re.IGNORECASE)
 
 
 def joint_names(pattern: str, joints: list[str], log: LogTable, what: str = "columns") -> list[str]:
@@ -46,6 +50,29 @@ def _listed(part: str, log: LogTable) -> Iterator[str]:
     if not 1 <= first <= last <= len(names):
         raise InputError(f"{log.source}: columns: {part}: expected numbers from 1 to {len(names)}, the first the least")
     yield from names[first - 1 : last]
+
+
+def likely_pair(what: str, joints: list[str], log: LogTable) -> str:
+    """Word of --columns for positions or torques, by a pattern that the log has columns of, else by an invented one."""
+    begin = re.compile(rf"((motor|joint|actual|measured)[ _.]?)?({WORDS[what]})(?![a-z])", re.IGNORECASE)
+    found = (
+        pattern
+        for name in filter(begin.match, log.columns)
+        for text, mark in (("1", "{}"), ("0", "{0}"), (joints[0], "{joint}"))
+        if text in name and (pattern := mark.join(name.rsplit(text, 1)))
+        if all(other in log.columns for other in joint_names(pattern, joints, log))
+    )
+    return as_word(f"{what}={next(found, f'{what.capitalize()}{{}}')}")
+
+
+def likely_time(log: LogTable) -> str:
+    """Word of --columns for the time, by a column that may have it."""
+    return as_word(f"time={next(filter(TIME_NAME.match, log.columns), 'NAME')}")
+
+
+def as_word(pair: str) -> str:
+    """Pair as a shell takes it."""
+    return quote(pair) if " " in pair else pair
 
 
 def offer(log: LogTable, joints: int) -> str:

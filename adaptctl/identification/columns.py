@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from shlex import quote
 
 import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import FileError, InputError, printable
-from adaptctl.identification.column_names import column_name, joint_names, offer
+from adaptctl.errors import FileError, InputError, shown
+from adaptctl.identification.column_names import column_name, joint_names, likely_pair, likely_time, offer
 from adaptctl.identification.complete_rows import complete_rows
 from adaptctl.identification.drives_file import Drives, MotorEntry, Units, locking, validate_fitting
 from adaptctl.logs.table import LogTable
@@ -21,10 +19,6 @@ from adaptctl.logs.units import POSITION, TIME, TORQUE, VELOCITY, spaced
 
 # Samples below which nothing can be learnt from a log.
 MIN_SAMPLES = 100
-
-
-TIME_NAME = re.compile(r"(time|t|stamp|timestamp|sec|seconds)\b", re.IGNORECASE)
-"""beginning of a column's name that may be the time"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +154,7 @@ def joint_columns(
     time = column_name(given.get("time", "time"), log)
     if stamped and time not in log.columns:
         raise InputError(
-            f"{log.source}: no column {time!r} for the time; specify it: --columns {_time_of(log)}, or the rate of "
+            f"{log.source}: no column {time!r} for the time; specify it: --columns {likely_time(log)}, or the rate of "
             "even rows: --sample-rate HZ"
         )
     found = {what: joint_names(names, joints, log, what) for what, names in pattern.items()}
@@ -181,14 +175,9 @@ def joint_columns(
     return Drives(tuple(joints), np.eye(r), np.zeros(r), motors, time, checked)
 
 
-def _time_of(log: LogTable) -> str:
-    """Pair that may name the column of time, as a word of the command line."""
-    return quote(f"time={next((name for name in log.columns if TIME_NAME.match(name)), 'NAME')}")
-
-
 def _checked(what: str, given: Mapping[str, str] | None) -> dict[str, str]:
     if not isinstance(given, Mapping | None):
-        raise InputError(f"{what}: expected a mapping such as {{'position': ...}}, got {printable(repr(given))}")
+        raise InputError(f"{what}: expected a mapping such as {{'position': ...}}, got {shown(given)}")
     for name in given or {}:
         if name not in QUANTITIES:
             raise InputError(f"{what}: expected {', '.join(QUANTITIES)}, got {name!r}")
@@ -225,7 +214,7 @@ def _pattern(log: LogTable, joints: list[str], given: dict[str, str]) -> dict[st
         )
     raise InputError(
         f"{log.source}: the columns of each joint's {missing} are unknown; specify them with --columns, such as "
-        f"{' '.join(f'{what}={what.capitalize()}{{}}' for what in missing.split(' and '))} ({{}}: number of the joint "
+        f"{' '.join(likely_pair(what, joints, log) for what in missing.split(' and '))} ({{}}: number of the joint "
         f"from 1, {{0}}: from 0, {{joint}}: its name), or give a drives file; columns: {have}"
     )
 

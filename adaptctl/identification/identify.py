@@ -12,7 +12,7 @@ from adaptctl.arrays import Array, positive_number
 from adaptctl.control.adaptation import PriorRanges
 from adaptctl.description.drive import Drive, DriveParameter
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.errors import InputError, printable
+from adaptctl.errors import InputError, shown
 from adaptctl.identifiability import ReducedModel
 from adaptctl.identifiability.factorisation import one_thread
 from adaptctl.identification.choice import (
@@ -198,10 +198,10 @@ def _paths(given: str | Path | Sequence[str | Path]) -> list[str | Path]:
     if isinstance(given, str | Path):
         return [given]
     if not isinstance(given, Iterable):
-        raise InputError(f"logs: expected files, got {given!r}")
+        raise InputError(f"logs: expected files, got {shown(given)}")
     each = list(given)
     if wrong := [one for one in each if not isinstance(one, str | Path)]:
-        raise InputError(f"logs: expected files, got {printable(repr(wrong[0]))}")
+        raise InputError(f"logs: expected files, got {shown(wrong[0])}")
     return each
 
 

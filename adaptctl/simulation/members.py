@@ -13,7 +13,7 @@ from adaptctl.arrays import Array, numbers, whole_count
 from adaptctl.control.adaptation.law import AdaptationLaw
 from adaptctl.control.controller import Controller
 from adaptctl.dynamics.loops.single_precision import validate_single_precision
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, shown
 from adaptctl.scalars import Tunable
 from adaptctl.simulation.closed_loop import ClosedLoop
 
@@ -100,7 +100,7 @@ def _require(controller: Controller[Any], each: Mapping[str, Array]) -> None:
 def _first_of(given: object) -> Controller[Any]:
     laws = list(given) if isinstance(given, Sequence) else []
     if not laws or not all(isinstance(one, Controller) for one in laws):
-        raise InputError(f"controller: expected a Controller or a sequence of them, got {given!r}")
+        raise InputError(f"controller: expected a Controller or a sequence of them, got {shown(given)}")
     for k, one in enumerate(laws):
         if one.structure != laws[0].structure:
             raise InputError(

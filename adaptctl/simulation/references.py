@@ -16,7 +16,7 @@ from adaptctl.caching import cached_property
 from adaptctl.compilation import Kernel, compile_function
 from adaptctl.control.controller import Reference, ReferencePoint
 from adaptctl.control.references import SinusoidNumbers, Sinusoids, sinusoids_at
-from adaptctl.errors import InputError, NonFiniteError, ReferenceWarning
+from adaptctl.errors import InputError, NonFiniteError, ReferenceWarning, shown
 from adaptctl.scalars import Column, column
 
 DERIVATIVE_SAMPLES, DIFFERENCE_STEP = 41, 1e-4
@@ -213,7 +213,7 @@ class ReferencesOfMany:
             return cls([given], ReferenceForm(size), size, ())
         references = list(given) if isinstance(given, Sequence) else []
         if not references or not all(map(callable, references)):
-            raise InputError(f"reference: expected a Reference or a sequence of them, got {given!r}")
+            raise InputError(f"reference: expected a Reference or a sequence of them, got {shown(given)}")
         arms = (len(references),)
         if all(one is references[0] for one in references):
             return cls(references[:1], ReferenceForm(size), size, arms)

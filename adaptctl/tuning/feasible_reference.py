@@ -9,7 +9,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.control.controller import Reference
 from adaptctl.control.gains.workspace import MAX_RANGE, reachable
-from adaptctl.control.references import Sinusoids
+from adaptctl.control.references import Sinusoids, validate_reference
 from adaptctl.description import Joint
 from adaptctl.dynamics import Mechanism
 
@@ -80,6 +80,7 @@ def feasible_reference(mechanism: Mechanism, limits: Array, seed: int) -> Feasib
 
 def judged_reference(mechanism: Mechanism, limits: Array, reference: Reference) -> FeasibleReference:
     """Given reference with its torque shares."""
+    validate_reference(reference)
     center = reference(np.zeros(1)).p[0]
     asked = _peak_shares(mechanism, limits, reference)
     return FeasibleReference(reference, _static(mechanism, limits, center).sum(axis=0), asked, np.ones(mechanism.dof))

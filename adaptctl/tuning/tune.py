@@ -17,7 +17,7 @@ from adaptctl.control import Gains, GuardedLearning, SlotineLi, mapped_gain
 from adaptctl.control.controller import Reference
 from adaptctl.control.gains.workspace import Workspace
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError, VerdictError
+from adaptctl.errors import InputError, VerdictError, validate_kind
 from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation import Integrator, Plant
 from adaptctl.simulation.integrator import MAX_EXPLICIT_SUBSTEPS, integration
@@ -192,6 +192,7 @@ class Tuning:
         >>> tuning.controller(model).adaptation.called, tuning.controller(model, "gradient").adaptation.shape
         ('guarded learning', (6, 6))
         """
+        validate_kind(model, ReducedModel, "controller", "as ReducedModel(mechanism) is one")
         if adaptation and not anyway:
             self.validate_learning("anyway=True")
         law, gains = self._adaptation(model, adaptation), self.gains

@@ -19,6 +19,7 @@ from adaptctl.errors import (
     NotFoundError,
     PhysicalConsistencyWarning,
     SimplificationWarning,
+    shown,
     suggested_name,
 )
 from adaptctl.files import read_toml
@@ -204,7 +205,7 @@ def read_model(
     elif library == "mujoco" and hasattr(model, "nbody"):
         description = _imported("mujoco_model:from_mujoco")(model, root)
     else:
-        raise InputError(f"expected a robot's name, a file, a pinocchio.Model or a mujoco.MjModel, got {model!r}")
+        raise InputError(f"expected a robot's name, a file, a pinocchio.Model or a mujoco.MjModel, got {shown(model)}")
     _warn_of_inconsistency(description, "")
     return description
 

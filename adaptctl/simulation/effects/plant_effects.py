@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, shown
 from adaptctl.scalars import Column, Scalar, absolute, maximum, where
 from adaptctl.simulation.effects.effect import ActuatorEffect, Effect, JointEffect, LoadEffect, SensorEffect
 from adaptctl.simulation.effects.joints import MOTOR, ElasticJoints
@@ -72,10 +72,10 @@ class PlantEffects:
         given = listed(effects)
         for effect in given:
             if not isinstance(effect, Effect):
-                raise InputError(f"effects: expected plant effects, such as ControlDelay(2), got {effect!r}")
+                raise InputError(f"effects: expected plant effects, such as ControlDelay(2), got {shown(effect)}")
             if not isinstance(effect, KINDS):
                 names = ", ".join(kind.__name__ for kind in KINDS[:3])
-                raise InputError(f"effects: expected effects derived from {names} or LoadEffect, got {effect!r}")
+                raise InputError(f"effects: expected effects derived from {names} or LoadEffect, got {shown(effect)}")
         _validate_single([e for e in given if isinstance(e, ActuatorEffect | SensorEffect | ElasticJoints)])
         return cls(
             tuple(sorted((e for e in given if isinstance(e, ActuatorEffect)), key=_rank)),
@@ -284,7 +284,7 @@ def _rank(effect: Any) -> int:
 def listed(effects: Iterable[Effect]) -> tuple[Effect, ...]:
     """Effects as a tuple, else `InputError`."""
     if not isinstance(effects, Iterable):
-        raise InputError(f"effects: expected a sequence, such as [ControlDelay(2)], got {effects!r}")
+        raise InputError(f"effects: expected a sequence, such as [ControlDelay(2)], got {shown(effects)}")
     return tuple(effects)
 
 
