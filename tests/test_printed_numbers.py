@@ -25,7 +25,7 @@ from adaptctl.experiments.replication.judging import (
     judged,
     percent,
 )
-from adaptctl.experiments.replication.puma560 import _plane, combination, excess
+from adaptctl.experiments.replication.puma560 import _plane, combination, excess, torque_figure
 
 
 @given(st.floats(1e-6, 1e4), st.sampled_from([-1.0, 1.0]), st.integers(1, 6))
@@ -164,3 +164,26 @@ def test_an_excess_is_what_rounding_does_not_explain() -> None:
     free[0] = True
     assert excess(space, table("1.50"), table("1.52"), free) == pytest.approx(3.0)
     assert excess(space, table("1.50"), table("1.51"), free) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("components", "agrees"), [([0.5, 0.9, 1.0], True), ([0.9, 0.5, 1.0], False), ([0.5, 0.9, 0.99], False)]
+)
+def test_a_figure_of_torques_agrees_where_errors_fall_to_nothing(components: list[float], agrees: bool) -> None:
+    time = np.linspace(0.0, 1.0, 50)
+    Y = np.stack([9.0 * np.ones(50), np.sin(time)], axis=-1)[..., None]
+    reduced = dict(zip((10, 25, 36), components, strict=True))
+    arm: Any = SimpleNamespace(
+        motion=SimpleNamespace(Y=Y, time=time), parameters=np.ones(1),
+        reductions=[SimpleNamespace(parameters=lambda count: np.array([reduced[count]]))],
+    )  # fmt: skip
+    found = torque_figure(arm, "figure-4", 2, (10, 25, 36))
+    assert found.agrees is agrees
+    (axes,) = found.drawings[0].draw().axes
+    actual, *others = axes.lines
+    assert axes.get_ylabel() == "torque of joint 2 [N·m]"
+    np.testing.assert_array_equal(actual.get_ydata(), np.sin(time))
+    for line, share in zip(others, components, strict=True):
+        np.testing.assert_allclose(line.get_ydata(), share * np.sin(time))
+        assert f"{np.mean(((1.0 - share) * np.sin(time)) ** 2):.1e}" in line.get_label()
+    assert len(axes.figure.legends[0].get_texts()) == 4
