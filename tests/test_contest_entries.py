@@ -1,0 +1,91 @@
+"""Entries of a contest: reasons, laws for all seeds, names of their files, and tables of their rows."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from contest_rows import entry
+
+from adaptctl.contest.entries import LONGEST_REASON, ContestEntry, _laws
+from adaptctl.contest.known import Knowledge
+from adaptctl.contest.laws import Entrant
+from adaptctl.contest.measures import COLUMNS
+from adaptctl.contest.running import rows_as_table, rows_of_table
+from adaptctl.contest.trial import TimeExceededError
+from adaptctl.errors import InputError
+
+
+@pytest.mark.parametrize(
+    ("error", "told"),
+    [
+        (KeyError("oops"), "KeyError: 'oops'"),
+        (ValueError(), "ValueError: no message"),
+        (InputError("a\n  b"), "a b"),
+    ],
+)
+def test_reasons_are_of_one_line(error: Exception, told: str) -> None:
+    assert entry("gradient").reason_of(error) == told
+    assert len(entry("gradient").reason_of(ValueError("x" * 1000))) <= LONGEST_REASON
+
+
+def test_a_law_that_is_too_slow_once_is_not_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+
+    def under(one: ContestEntry, name: str, *_: Any) -> list[dict[str, Any]]:
+        asked.append(name)
+        if name == "noise":
+            raise TimeExceededError("too slow")
+        return [one.about(name, seed) for seed in one.seeds]
+
+    monkeypatch.setattr(ContestEntry, "_under", under)
+    rows = entry("gradient", "clean", "noise", "halt").rows()
+    assert asked == ["clean", "noise"]
+    assert [(row["condition"], row["seed"], row["reason"]) for row in rows] == [
+        ("clean", 1, ""), ("clean", 2, ""), *[(x, seed, "too slow") for x in ("noise", "halt") for seed in (1, 2)],
+    ]  # fmt: skip
+    assert {row["knows"] for row in rows[2:]} == {"limits"}
+
+
+def test_one_law_serves_all_seeds_that_are_told_the_same() -> None:
+    class Law:
+        def __init__(self, known: Any) -> None:
+            self.told = known.told
+
+    def made(knows: Knowledge, *told: float) -> Any:
+        known: Any = [SimpleNamespace(told=np.array([x])) for x in told]
+        return _laws(Entrant("a", knows, Law, ""), known)  # type: ignore[arg-type]
+
+    assert isinstance(made(Knowledge.LIMITS, 1.0, 2.0), Law)
+    assert isinstance(made(Knowledge.TRUTH, 1.0, 1.0), Law)
+    several = made(Knowledge.TRUTH, 1.0, 2.0, 1.0)
+    assert [law.told[0] for law in several] == [1.0, 2.0, 1.0]
+    assert several[0] is several[2]
+
+
+def test_names_of_entries_tell_all_that_their_rows_depend_on() -> None:
+    first = entry("gradient")
+    changes: list[dict[str, Any]] = [
+        {"robot_sha256": "x"}, {"conditions": ("noise",)}, {"seeds": (1, 3)}, {"duration": 0.4}, {"draws": ()},
+        {"plant": "mujoco"}, {"law": "pd"},
+    ]  # fmt: skip
+    names = [first.name, *(replace(first, **change).name for change in changes)]
+    assert len(set(names)) == len(names)
+    assert re.fullmatch(r"two_link\.gradient\.[0-9a-f]{16}\.parquet", first.name)
+
+
+def test_tables_of_rows_have_null_for_what_is_not_known() -> None:
+    own = [entry("gradient").about("clean", 1) | {"error": 2.0, "curve": [1.0, 2.0]}, entry("pd").about("clean", 2)]
+    table = rows_as_table(own, COLUMNS, "a hash")
+    assert table["error"].to_pylist() == [2.0, None]
+    assert table["curve"].to_pylist() == [[1.0, 2.0], []]
+    assert table.schema.metadata[b"scoring"] == b"a hash"
+    assert {field.name: field.metadata[b"unit"].decode() for field in table.schema}["torque_rate"] == "1/s"
+    back = rows_of_table(table)
+    assert [row["law"] for row in back] == ["gradient", "pd"]
+    assert np.isnan([back[1]["error"], back[0]["return_time"]]).all()
+    assert back[0]["error"] == 2.0
