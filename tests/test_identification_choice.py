@@ -18,8 +18,11 @@ from adaptctl.identification.contradictions import forced
 from adaptctl.identification.energy_differences import _integral
 from adaptctl.identification.fit import FitSettings
 from adaptctl.identification.friction_model import FrictionModel
+from adaptctl.identification.hypotheses import LogMeaning, TriedHypothesis, _alike, validate_meaning
+from adaptctl.identification.hypothesis_rows import _each_joint, relative_error
 from adaptctl.identification.least_squares import _regressed, least_squares, weighted_least_squares
 from adaptctl.identification.normal_equations import NormalEquations, block_edges, blocks_of
+from adaptctl.identification.preparation import PreparationStep
 
 choice = import_module("adaptctl.identification.choice")
 SETTINGS = FitSettings(FrictionModel(), 1.0, 5.0)
@@ -215,3 +218,54 @@ def test_links_with_most_of_the_misfit_are_named() -> None:
     settings = SimpleNamespace(columns=lambda _: np.array([True] * 4 + [False]))
     fit: Any = SimpleNamespace(settings=settings, deviations=None, x=x)
     assert forced(evidence, fit) == ["a", "b"]  # the parts are 1, 0.6 and 0.4
+
+
+def test_a_relative_error_is_the_geometric_mean_over_joints() -> None:
+    made: Any = SimpleNamespace(
+        square=np.array([[50.0, 0.0, 2.0], [50.0, 0.0, 2.0]]), misfit=lambda x: np.array([1.0, 0.0, 1.0])
+    )
+    assert relative_error(made, np.zeros(1)) == pytest.approx((0.1 * 0.5) ** 0.5, rel=1e-3)  # a dead joint is left out
+    made.misfit = lambda x: np.zeros(3)
+    assert relative_error(made, np.zeros(1)) == pytest.approx(0.003)
+
+
+def test_slopes_of_torques_are_beside_friction_and_an_offset() -> None:
+    rng = np.random.default_rng(2)
+    v, told = rng.normal(size=(200, 3)), rng.normal(size=(200, 3))
+    torque = told * [2.0, -0.5, 1.0] + 3.0 * v + 4.0 * np.sign(v) + 5.0
+    used = np.ones((200, 3), dtype=bool)
+    used[7:, 2] = False  # too few
+    torque[10, 0], used[10, 0] = 1e6, False
+    slopes, shares = _each_joint(SimpleNamespace(velocity=v, torque=torque), told, used)  # type: ignore[arg-type]
+    np.testing.assert_allclose(slopes, [2.0, -0.5, 0.0], atol=1e-9)
+    np.testing.assert_allclose(shares, [1.0, 1.0, 0.0], atol=1e-9)
+    noisy = torque + np.array([1.0, 0.0, 0.0]) * rng.normal(size=(200, 3))
+    _, shares = _each_joint(SimpleNamespace(velocity=v, torque=noisy), told, used)  # type: ignore[arg-type]
+    assert shares[0] == pytest.approx(4.0 / 5.0, abs=0.06)  # of the variance
+
+
+def meaning(sentence: str | None, refuses: bool) -> LogMeaning:
+    step = PreparationStep("", "")
+    return LogMeaning((), sentence, refuses, step, False, step)
+
+
+def test_a_meaning_refuses_a_log_unless_it_is_trusted_or_its_torques_are_dead() -> None:
+    assert validate_meaning(meaning(None, False), False) == ()
+    assert validate_meaning(meaning("a spring", False), False) == ("a spring",)
+    assert validate_meaning(meaning("a sign", True), True) == ("a sign",)
+    with pytest.raises(InputError, match="a sign, or take the log as it is by"):
+        validate_meaning(meaning("a sign", True), False)
+    with pytest.raises(InputError, match="record the torque of elbow, or take"):
+        validate_meaning(meaning("a sign", True), False, ["elbow"])
+    assert validate_meaning(meaning("a sign", True), True, ["elbow"]) == ()
+    assert validate_meaning(meaning("a spring", False), False, ["elbow"]) == ("a spring",)
+
+
+def test_meanings_that_fit_as_well_are_told_once_a_kind_the_best_first() -> None:
+    def trial(kind: str, words: str, error: float, bound: bool = False) -> Any:
+        return SimpleNamespace(trial=TriedHypothesis(kind, words, error, bound))
+
+    others = [trial("sign", "second", 0.1), trial("zero", "other", 0.099), trial("sign", "first", 0.09),
+              trial("swap", "a bound", 0.01, True), trial("tilt", "worse", 0.2)]  # fmt: skip
+    assert _alike(others, 0.1).outcome == "first (1 more of its kind); other"
+    assert _alike(others, 0.01).outcome == "nothing"
