@@ -245,13 +245,13 @@ def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:
                 raise ValueError(NOT_REGULAR)
             data = file.read(limit + 1)
     except (OSError, ValueError) as error:
-        raise FileError(f"{path}: cannot be read ({reason(error)}){_similar(path)}") from error
+        raise FileError(f"{path}: cannot be read ({reason(error)}){similar(path)}") from error
     if len(data) > limit:
         raise FileError(f"{path}: larger than {limit} bytes, the most that is read")
     return data
 
 
-def _similar(path: str | Path) -> str:
+def similar(path: str | Path) -> str:
     """Hint at a file of a similar name in the folder of one that is not there."""
     place = Path(path)
     try:

@@ -149,8 +149,9 @@ class DisturbedArm(FromFile):
             raise NotFoundError(f"motion: expected {', '.join(MOTIONS)}, got {self.motion!r}")
         for name in self.laws:
             if name not in (*LAWS, *OTHERS):
-                own = "; a law of a file enters `adaptctl contest`" if ".py" in name else ""
-                raise NotFoundError(f"laws: unknown law {name!r}{own}; laws: {', '.join((*LAWS, *OTHERS))}")
+                hint = "; a law of a file enters `adaptctl contest`" if ".py" in name else ""
+                hint = "; several are separated by blanks" if "," in name else hint
+                raise NotFoundError(f"laws: unknown law {name!r}{hint}; laws: {', '.join((*LAWS, *OTHERS))}")
         if len(set(self.laws)) < len(self.laws):
             raise InputError(f"laws: expected each at most once, got {', '.join(self.laws)}")
         if 0.0 in self.joint_stiffness and len(self.joint_stiffness) > 1:

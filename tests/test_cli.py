@@ -111,6 +111,8 @@ print("loaded", [name for name in {HEAVY!r} if name in sys.modules])
             "damping: expected numbers from 0.001 to 10000, got 0",
         ),
         ((*RUN, "--frequency", "nan", "0", "0", "0", "0", "0"), "frequency: expected numbers from 0 to 5, got nan"),
+        ((*RUN, "--damping", "90,150,70,20,16,18"), "into float. Numbers are separated by blanks. See"),
+        (("experiment", "run", "laws", "--laws", "a,b"), "unknown law 'a,b'; several are separated by blanks; laws: "),
         ((*RUN, "5"), "'5': no argument of this command."),
         (("experiment", "run", "adaptive", "my_arm.toml"), "Did you mean --robot my_arm.toml? See"),
         (("my_arm.urdf",), "Did you mean adaptctl tune my_arm.urdf? See adaptctl --help"),

@@ -12,7 +12,7 @@ import pytest
 import adaptctl
 from adaptctl.control import Sinusoids, excitation_trajectory, sliding_variable
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError, NotFoundError
+from adaptctl.errors import FileError, InputError, NotFoundError
 from adaptctl.hardware import HardwareLimits, MuJoCoRobot, drive, motion_about, with_rotors
 from adaptctl.tuning.named_laws import named_law
 
@@ -57,6 +57,14 @@ def test_it_is_told_in_a_line(call: Callable[[Any], object], told: str, arm: Mec
         call(arm)
     assert told in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_a_log_and_its_columns_nearly_right_are_offered(arm: Mechanism, tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("t,q1 [deg],q2 [deg]\n0,1,2\n1,2,3\n")
+    with pytest.raises(FileError, match=r"lag\.csv: does not exist \(did you mean 'log\.csv'\?\)"):
+        adaptctl.identify(tmp_path / "lag.csv", arm)
+    with pytest.raises(FileError, match=r"no column 'q1' for position; did you mean q1 \[deg\]$"):
+        adaptctl.identify(tmp_path / "log.csv", arm, columns={"position": "q{}"})
 
 
 @pytest.mark.parametrize("given", ["deg", ["q1", "q2"]])

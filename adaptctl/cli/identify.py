@@ -228,11 +228,18 @@ def _joints(found: Identification) -> Table:
     return listed((joint.name, (joint.sentence, STYLES[joint.tone.value])) for joint in joint_verdicts(found))
 
 
+EXAMPLES = {
+    "--columns": "WHAT=NAME, such as position=q{} torque=tau{}",
+    "--units": "WHAT=UNIT, such as position=deg torque='N m'",
+    "--payload": "LOG=LINK, such as loaded.csv=tool0",
+}
+
+
 def _pairs(option: str, given: Pairs) -> dict[str, str]:
     from adaptctl.errors import InputError
 
     for pair in given:
         if "=" not in pair:
-            raise InputError(f"{option}: expected WHAT=VALUE, such as position=..., got {pair!r}")
+            raise InputError(f"{option}: expected {EXAMPLES[option]}, got {pair!r}")
     parts = (pair.partition("=") for pair in given)
     return {what: value for what, _, value in parts}

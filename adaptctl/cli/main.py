@@ -11,7 +11,15 @@ from contextlib import contextmanager
 from io import TextIOWrapper
 from typing import TextIO
 
-from cyclopts import App, CycloptsError, Parameter, UnknownCommandError, UnknownOptionError, UnusedCliTokensError
+from cyclopts import (
+    App,
+    CoercionError,
+    CycloptsError,
+    Parameter,
+    UnknownCommandError,
+    UnknownOptionError,
+    UnusedCliTokensError,
+)
 
 from adaptctl.cli.heartbeat import heartbeat
 from adaptctl.cli.numbers import plain_numbers
@@ -144,8 +152,14 @@ def _reason(error: CycloptsError) -> object:
     """Message of what was wrong with the command line, in our words where we refused it."""
     if isinstance(error.__cause__, InputError):
         return error.__cause__
-    told = _renamed_option(error) or _left_over(error) or _elsewhere(error) or error
+    told = _renamed_option(error) or _left_over(error) or _elsewhere(error) or f"{error}{_blanks(error)}"
     return f"{told} See {_called(error.command_chain or ())} --help"
+
+
+def _blanks(error: CycloptsError) -> str:
+    """Hint at the way to give several numbers; empty for other errors."""
+    given = error.token.value if isinstance(error, CoercionError) and error.token else ""
+    return " Numbers are separated by blanks." if "," in given else ""
 
 
 def _elsewhere(error: CycloptsError) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from adaptctl.errors import FileError, MissingExtraError
-from adaptctl.files import validate_readable
+from adaptctl.files import similar, validate_readable
 from adaptctl.logs.isolated import read_isolated
 from adaptctl.logs.lerobot import INFO
 from adaptctl.logs.table import MAX_BYTES
@@ -33,7 +33,7 @@ def _read(path: str | Path, topic: str | None) -> LogTable:
     place = Path(path)
     suffix = place.suffix.lower()
     if not place.exists():
-        hint = "; the example brings its robot: give it without --robot" if str(path) == "tx40" else ""
+        hint = "; the example brings its robot: give it without --robot" if str(path) == "tx40" else similar(path)
         raise FileError(f"{path}: does not exist{hint}")
     if not place.is_dir():
         validate_readable(path)

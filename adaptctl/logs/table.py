@@ -67,7 +67,7 @@ class LogTable:
 
     def _known(self, name: str) -> str:
         names = list(self.columns)
-        near = get_close_matches(name, names, 3)
+        near = get_close_matches(name, names, 3) or [other for other in names if name and other.startswith(name)][:3]
         listed = ", ".join(near or names[:12]) + ("" if near or len(names) <= 12 else f", ... ({len(names)} in all)")
         return f"{'did you mean' if near else 'columns:'} {listed}"
 
