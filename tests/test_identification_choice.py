@@ -23,6 +23,7 @@ from adaptctl.identification.hypothesis_rows import _each_joint, relative_error
 from adaptctl.identification.least_squares import _regressed, least_squares, weighted_least_squares
 from adaptctl.identification.normal_equations import NormalEquations, block_edges, blocks_of
 from adaptctl.identification.preparation import PreparationStep
+from adaptctl.identification.torque_constants import validate_one_robot
 
 choice = import_module("adaptctl.identification.choice")
 SETTINGS = FitSettings(FrictionModel(), 1.0, 5.0)
@@ -269,3 +270,32 @@ def test_meanings_that_fit_as_well_are_told_once_a_kind_the_best_first() -> None
               trial("swap", "a bound", 0.01, True), trial("tilt", "worse", 0.2)]  # fmt: skip
     assert _alike(others, 0.1).outcome == "first (1 more of its kind); other"
     assert _alike(others, 0.01).outcome == "nothing"
+
+
+@pytest.mark.parametrize(
+    ("sources", "ratio", "refused"),
+    [(("a", "b"), 1.99, False), (("a", "b"), 2.01, True), (("a", "a"), 9.0, False), (("a", "b", "c"), 2.01, True)],
+)
+def test_logs_are_of_one_robot_unless_each_is_fitted_twice_as_well_alone(
+    monkeypatch: pytest.MonkeyPatch, sources: tuple[str, ...], ratio: float, refused: bool
+) -> None:
+    asked: list[list[int]] = []
+
+    def least(problem: Any, blocks: list[int]) -> Array:
+        asked.append(blocks)
+        return np.array([len(blocks) * 1.0, len(blocks) * 100.0])  # squares by a robot for each
+
+    monkeypatch.setattr("adaptctl.identification.torque_constants._least", least)
+    motions = [SimpleNamespace(number=k, log=SimpleNamespace(source=source)) for k, source in enumerate(sources)]
+    edges = [(k, time) for k in range(len(sources)) for time in (0.0, 1.0)]
+    evidence: Any = SimpleNamespace(motions=motions, edges=edges)
+    whole = ratio**2 * len(edges) * np.array([1.0, 100.0])
+    problem: Any = SimpleNamespace(squares=lambda x, c: whole)
+    found: Any = SimpleNamespace(x=None, c=None)
+    if refused:
+        with pytest.raises(InputError, match=r"a, b.* fits them 2\.0 times worse"):
+            validate_one_robot(problem, found, evidence)
+    else:
+        validate_one_robot(problem, found, evidence)
+    assert sorted(b for group in asked for b in group) == list(range(len(edges)))
+    assert len(asked) == len(set(sources))
