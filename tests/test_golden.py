@@ -57,6 +57,12 @@ def test_public_names_are_those_kept() -> None:
     validate_same(kept("names"), capture.names())
 
 
+def test_defaults_and_bounds_of_settings_are_those_kept() -> None:
+    """Of those that are kept: of new ones `make golden` tells."""
+    before, now = kept("settings"), capture.settings()
+    validate_same(before, {name: {key: now[name][key] for key in own} for name, own in before.items()})
+
+
 def test_help_is_the_one_kept() -> None:
     before = {name: text for name, text in kept("help").items() if " run " not in name}
     validate_same(before, {name: capture.help_of(*name.split()[1:]) for name in before})

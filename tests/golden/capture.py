@@ -3,7 +3,8 @@
     python tests/golden/capture.py [--update] [PART ...]
 
 Parts: robots (ranks, certificates, bases), exports (hashes of exported C), names (what packages offer), help (of all
-commands), experiments (numbers in their summaries), or `experiments/NAME` for one. `--update` writes the files anew.
+commands), settings (defaults and bounds of all experiments), experiments (numbers in their summaries), or
+`experiments/NAME` for one. `--update` writes the files anew.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from typing import Any
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
-PARTS = ("names", "help", "robots", "exports", "experiments")
+PARTS = ("names", "help", "settings", "robots", "exports", "experiments")
 
 SAME_EVERYWHERE: Mapping[str, str] = {
     "ADAPTCTL_PROCESSOR": "sse2",
@@ -236,6 +237,19 @@ def names() -> dict[str, Any]:
     return {name: list(package.__all__) for name, package in packages.items() if hasattr(package, "__all__")}
 
 
+def settings() -> dict[str, Any]:
+    """Default, least and greatest value of each setting of all experiments, null for no bound."""
+    from dataclasses import fields
+
+    from adaptctl.experiments import EXPERIMENTS, find
+    from adaptctl.files import finite_or_none
+
+    def kept(entry: Any) -> list[Any]:
+        return [entry.default, *(finite_or_none(entry.metadata[end]) for end in ("low", "high"))]
+
+    return {one.name: {entry.name: kept(entry) for entry in fields(find(one.name))} for one in EXPERIMENTS}
+
+
 def helps() -> dict[str, Any]:
     """`--help` of all commands, found by what each one lists."""
     found, waiting = {}, [("adaptctl",)]
@@ -299,7 +313,7 @@ def flattened(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
 
 def parts(asked: list[str]) -> Iterator[tuple[Path, Callable[[], Any]]]:
     """Files, and what says now what they ought to keep."""
-    single = {"names": names, "help": helps, "robots": robots, "exports": exports}
+    single = {"names": names, "help": helps, "settings": settings, "robots": robots, "exports": exports}
     for part in asked:
         if part in single:
             yield HERE / f"{part}.json", single[part]
