@@ -10,6 +10,7 @@ import pytest
 from two_links import ARM, AT_REST, LIMITS, changed
 
 from adaptctl.control import Sinusoids
+from adaptctl.control.gains.workspace import MAX_RANGE
 from adaptctl.description import JointKind, Limits
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import load
@@ -35,6 +36,8 @@ from adaptctl.tuning.feasible_reference import (
         (-np.inf, 0.5, (-1.5, 0.5)),
         (-1e16, 1e16, (-1.0, 1.0)),  # a number for none
         (0.5, 1e16, (0.5, 2.5)),
+        (-0.5, MAX_RANGE, (-0.5, 1.5)),
+        (-0.5, 0.9 * MAX_RANGE, (-0.5, 0.9 * MAX_RANGE)),
     ],
 )
 def test_a_joint_without_limits_moves_a_radian_about_zero(
