@@ -40,5 +40,15 @@ ALIKE = {
     "adaptctl/identifiability/proof/exact_geometry.py::_as_in_file 0.0 -> 1.0": (
         "an axis along z has any yaw: its sine of tilt is exactly zero"
     ),
+    "adaptctl/tuning/verification.py::measures 0.0 -> 1.0": "a run that is not finite has an infinite error anyway",
+    "adaptctl/tuning/feasible_reference.py::_scaled_to_limits "
+    "scale[over].min() > MIN_AMPLITUDE_SHARE -> scale[over].min() >= MIN_AMPLITUDE_SHARE": (
+        "no product of 0.7 and 0.95 is a twentieth"
+    ),
+    "adaptctl/contest/measures.py::measured time[-1] + time[1] - time[0] -> time[-1] + time[1] + time[0]": (
+        "runs begin at 0 s"
+    ),
+    "adaptctl/contest/trial.py::_torques 0.1 -> 0.2 (again 1)": "any measurements tell if a law uses the links",
+    "adaptctl/sweeps/search.py::search 1e+300 -> 2e+300": "errors are below both, and runs that failed above them",
 }
 """Mutants that mean the same as the code, by their keys, and why no test can tell them from it."""
