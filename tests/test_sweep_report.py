@@ -248,3 +248,10 @@ def test_workers_are_at_least_one_and_at_most_4096(jobs: int) -> None:
     assert [Cluster(x).jobs for x in (1, 4096)] == [1, 4096]
     with pytest.raises(InputError, match="expected one of --jobs, --scheduler"):
         Cluster(1, "tcp://a")
+
+
+@pytest.mark.parametrize("samples", [None, 0, -1, 10_000_001])
+def test_draws_need_a_number(samples: int | None) -> None:
+    given = {} if samples is None else {"samples": samples}
+    with pytest.raises(InputError, match="--samples: expected the number of sobol samples"):
+        SweepStudy(NAME, {"payload": Span(0.0, 5.0, whole=False)}, sampling="sobol", **given)
