@@ -123,8 +123,7 @@ class Contact(Learning):
         path = joint_path(mechanism, self.duration, self.scene)(np.linspace(0.0, self.duration, 200)).p
         soft = partial(self._impedance, model, Workspace.along(mechanism, path, margin=0.2))
         file, true = model.regrouping @ self.arm.inertial_parameters, model.fundamental_parameters
-        tracking = self.tuning.controller(model)
-        learning = with_external_torque(tracking) if self.pushes else tracking
+        learning = with_external_torque(self.tuning.controller(model))
         if self.scene == "air":
             return self._tracking(model, file, learning)
         return [

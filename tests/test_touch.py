@@ -142,13 +142,13 @@ def noise_of(lanes: int, steps: int, T: float, rng: Any) -> Array:
     return made
 
 
-PROBES = slice(3 + 2 * KINDS, 5 + 2 * KINDS)
+PROBES, SIZE = slice(3 + 2 * KINDS, 5 + 2 * KINDS), 8 + 2 * KINDS
 
 
 @lru_cache
 def judging(per_hour: float, T: float) -> Any:
     """Native code of the observer's judgement of one joint that always moves: next state of a torque and a state."""
-    observer, sizes = ExternalTorque(CUTOFF, per_hour), (1, 1, KINDS, KINDS, 1, 2, 1, 1)
+    observer, sizes = ExternalTorque(CUTOFF, per_hour), (1, 1, KINDS, KINDS, 1, 2, 2, 1)
     passed: Any = Period(None, None, None, None, None, None, T, T, None)  # type: ignore[arg-type]
 
     def judged(torque: Column, state: Column) -> Column:
@@ -169,7 +169,7 @@ def test_noise_passes_the_level_at_the_stated_rate(heavy: bool) -> None:
     noise = noise_of(lanes, round(seconds / T), T, np.random.default_rng(1))
     if heavy:
         noise[(np.arange(len(noise)) * T) % 4.0 < 1.0] *= 3.0
-    kernel, state = judging(per_hour, T), np.zeros((lanes, 3 + 2 * KINDS + 4))
+    kernel, state = judging(per_hour, T), np.zeros((lanes, SIZE))
     state[:, PROBES] = 2.5, 3.8
     held, alarms = np.zeros(lanes), 0
     for k, torque in enumerate(noise):
@@ -179,6 +179,19 @@ def test_noise_passes_the_level_at_the_stated_rate(heavy: bool) -> None:
         held = np.where(above, 1.0, held - T)
     expected = per_hour * lanes * (seconds - 250.0) / 3600.0
     assert 0.6 * expected < alarms < 1.4 * expected
+
+
+def test_a_torque_that_rises_is_seen_before_it_has_raised_the_level() -> None:
+    """By 20 deviations a second, after 10 s of noise: no minute has told yet what it seldom passes."""
+    lanes, T, begin = 50, 4e-3, 2500
+    noise = noise_of(lanes, begin + 125, T, np.random.default_rng(2))
+    noise[begin:] += 20.0 * noise[:begin].std() * T * np.arange(125)[:, None]
+    kernel, state, seen = judging(60.0, T), np.zeros((lanes, SIZE)), np.zeros(lanes, dtype=bool)
+    state[:, PROBES] = 2.5, 3.8
+    for k, torque in enumerate(noise):
+        state = kernel.map(torque[:, None], state)
+        seen |= (k >= begin) & (np.abs(state[:, 0]) > state[:, 1])
+    assert seen.mean() > 0.9
 
 
 def test_code_is_the_law_in_python() -> None:

@@ -36,12 +36,16 @@ OFTEN, SELDOM = 1.0 / 3.0, 1.0 / 60.0
 """1/s, rates at which noise passes the two probing levels"""
 PROBE_GAIN, MIN_PROBE_GAIN, MAX_PROBE_GAIN = 2.0, 2e-3, 0.2
 """relative rise of a probing level that is passed, over what is best near its end; its least and greatest value"""
+PASSED, BACK = 1e9, 0.5
+"""size that stands for a probing level that was passed, and share of the level below which it may be passed again"""
 MIN_RISE = 0.5
 """least difference of the squares of both probing levels, in noise: a Gaussian variable has 6"""
 MIN_RISE_TIME = 2.0
 """s in which a rise of the covariance becomes usual at least"""
 MIN_NOISE = 1e-3
 """least mean square of an external torque, relative to that of the stated torque error"""
+MAX_SQUARE = 9.0
+"""square of a torque over the noise above which it counts as this much: a push must not pass for noise"""
 MAX_TAIL = 20.0
 """greatest exponent of a level that few torques were seen for"""
 
@@ -65,7 +69,7 @@ class Touch(NamedTuple):
     probes : ndarray
         Levels (2 r,) over the noise that it passes once in 3 s, and once in 60 s.
     size : ndarray
-        External torques (r,) over the noise.
+        External torques over the noise for both probing levels (2 r,); 1e9 once one was passed, until it is below half.
     moving : ndarray
         Time (r,) in s for which each joint has moved.
     filtered : FilteredTwice
@@ -192,29 +196,30 @@ class ExternalTorque(Tunable):
         none, each = np.zeros(r), np.zeros(KINDS * r)
         probes = np.sqrt(2.0 * np.log(self.cutoff / (math.pi * np.array([OFTEN, SELDOM]))).clip(1.0))
         filtered = two_stage_filter.start(model, q, v, self.cutoff, control_period)
-        return Touch(none, none, each, each, none, np.repeat(probes, r), none, none, filtered)
+        return Touch(none, none, each, each, none, np.repeat(probes, r), np.zeros(2 * r), none, filtered)
 
     def _joint(self, i: int, kind: Any, missed: Missed, T: float, touch: Touch) -> tuple[Any, ...]:
         """Level, noise and its time by kind, probing levels, and torque over noise of a joint."""
-        r, torque, form, level = len(missed.torque), missed.torque[i], missed.form[i], touch.level[i]
+        r, torque, form = len(missed.torque), missed.torque[i], missed.form[i]
         noises, times = ([kept[c * r + i] for c in range(KINDS)] for kept in (touch.noise, touch.seen))
         before, age = _chosen(kind, noises), _chosen(kind, times) + T
         window = minimum(maximum(MEMORY_SHARE * age, T), NOISE_MEMORY)
         time = reduce(add, times)
         usual = _usual(touch.usual[i], form, time, T)
         square, more = torque * torque, maximum(form - usual, 0.0)
-        most = where(missed.alarmed > 0.0, MAX_NOISE_RISE * before, maximum(level * level, before))
+        least = MIN_NOISE / missed.weights[i]
+        most = where(missed.alarmed > 0.0, MAX_NOISE_RISE, MAX_SQUARE) * (before + least)
         square = where(window > MIN_WINDOW, minimum(square, most), square)
         noise = before + (T / window) * (square - before)
-        least = MIN_NOISE / missed.weights[i]
         size = absolute(torque) / sqrt(noise + more + least)
         learns = where(missed.alarmed > 0.0, 0.0, where(window > MIN_WINDOW, 1.0, 0.0))
-        passed = (touch.size[i], size, learns, time)
-        probes = [_probed(touch.probes[c * r + i], rate, passed, T) for c, rate in enumerate((OFTEN, SELDOM))]
+        passed = (size, learns, time, T)
+        rates = ((c * r + i, rate) for c, rate in enumerate((OFTEN, SELDOM)))
+        probes, sizes = zip(*(_probed(touch.probes[k], touch.size[k], rate, passed) for k, rate in rates), strict=True)
         squared = self._squared(probes[0], probes[1], r)
         hidden = where(kind > 1.5, SLACK * SLACK, 0.0) / missed.weights[i]
         reached = sqrt(self._spread(squared, window) * (noise + least) + squared * more + hidden)
-        return reached, _replaced(kind, noises, noise), _replaced(kind, times, age), usual, probes, size
+        return reached, _replaced(kind, noises, noise), _replaced(kind, times, age), usual, probes, sizes
 
     def _squared(self, often: Scalar, seldom: Scalar, r: int) -> Scalar:
         """Square of the level over the noise that it passes at the stated rate."""
@@ -253,11 +258,11 @@ def judged(
     creeps = [where(speed < CREEP * least, 1.0, 0.0) for speed, least in speeds]
     kinds = [where(m > SETTLING / observer.cutoff, x, 2.0) for m, x in zip(moving, creeps, strict=True)]
     joints = [observer._joint(i, kind, missed, period.period, touch) for i, kind in enumerate(kinds)]
-    level, noise, seen, usual, probes, size = zip(*joints, strict=True)
+    level, noise, seen, usual, probes, sizes = zip(*joints, strict=True)
     by_kind = (Column(part[c] for part in parts) for parts in (noise, seen) for c in range(KINDS))
     noises, times = _joined_in_groups(by_kind, KINDS)
-    both = joined([Column(pair[c] for pair in probes) for c in range(2)])
-    rest = Column(usual), both, Column(size), moving, prediction.after
+    both = (joined([Column(pair[c] for pair in pairs) for c in range(2)]) for pairs in (probes, sizes))
+    rest = Column(usual), *both, moving, prediction.after
     return Touch(missed.torque, Column(level), noises, times, *rest)
 
 
@@ -279,12 +284,15 @@ def _replaced(kind: Any, values: Sequence[Any], new: Any) -> list[Any]:
     return [where(absolute(kind - float(c)) < 0.5, new, value) for c, value in enumerate(values)]
 
 
-def _probed(probe: Any, rate: float, passed: tuple[Any, Any, Any, Any], T: float) -> Any:
-    """Probing level that noise passes at a rate, by stochastic approximation."""
-    before, now, learns, time = passed
+def _probed(probe: Any, before: Any, rate: float, passed: tuple[Any, Any, Any, float]) -> tuple[Any, Any]:
+    """Probing level that noise passes at a rate, by stochastic approximation, and the size before the next period."""
+    now, learns, time, T = passed
     gain = clip(PROBE_GAIN / (maximum(probe * probe, 1.0) * (1.0 + rate * time)), MIN_PROBE_GAIN, MAX_PROBE_GAIN)
     rises = where(before < probe, where(now < probe, 0.0, 1.0), 0.0)
-    return probe * (1.0 + learns * gain * (rises - rate * T))
+    probe = probe * (1.0 + learns * gain * (rises - rate * T))
+    # A torque that goes on rising must not pass again the level that it has just raised.
+    within = where(now < BACK * probe, now, PASSED)
+    return probe, where(maximum(before, PASSED * rises) < PASSED, now, within)
 
 
 def _joined_in_groups(columns: Iterable[Column], size: int) -> list[Column]:
