@@ -262,7 +262,7 @@ def judged(
     by_kind = (Column(part[c] for part in parts) for parts in (noise, seen) for c in range(KINDS))
     noises, times = _joined_in_groups(by_kind, KINDS)
     both = (joined([Column(pair[c] for pair in pairs) for c in range(2)]) for pairs in (probes, sizes))
-    rest = Column(usual), *both, moving, prediction.after
+    rest: Any = Column(usual), *both, moving, prediction.after
     return Touch(missed.torque, Column(level), noises, times, *rest)
 
 
