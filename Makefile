@@ -71,11 +71,12 @@ check-robots: $(STAMP) ## run the Franka example and a WidowX through the vendor
 	.venv-vendors-limits/bin/pip install --quiet franka-sim==1.1.7 || true
 	$(BIN)/python tests/check_robots.py $(RUNS)
 
-check-neighbours: ## check bases against figaroh's and Drake's own regressors, in .venv-neighbours; three minutes
+check-neighbours: ## check bases against figaroh's and Drake's own regressors and in mujoco.sysid, in .venv-neighbours; ten minutes
 	test -x .venv-neighbours/bin/python || $(PYTHON) -m venv .venv-neighbours
 	.venv-neighbours/bin/pip install --quiet --require-hashes --no-deps --only-binary :all: -r requirements.lock
-	.venv-neighbours/bin/pip install --quiet figaroh drake || true
+	.venv-neighbours/bin/pip install --quiet figaroh drake 'mujoco[sysid]' || true
 	PYTHONPATH=. .venv-neighbours/bin/python tests/check_neighbours.py
+	PYTHONPATH=. .venv-neighbours/bin/python tests/check_sysid.py
 
 check-data: ## try runs in DuckDB, rerun's catalog, LeRobot, Minari and moviepy, in .venv-data and .venv-lerobot; five minutes
 	test -x .venv-data/bin/python || $(PYTHON) -m venv .venv-data

@@ -14,6 +14,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 import test_drive as driven
@@ -26,11 +27,11 @@ from test_tunable import POINT, ticks
 
 from adaptctl import codegen, control, envs, identifiability, recording, simulation
 from adaptctl.control import BoundedGainForgetting
-from adaptctl.description import Coupling
+from adaptctl.description import Coupling, builtin_file
 from adaptctl.dynamics import equation_costs, load
 from adaptctl.experiments import EXPERIMENTS
 from adaptctl.hardware import MuJoCoRobot, TouchEvent, drive
-from adaptctl.identification import IdentifiedPayload
+from adaptctl.identification import IdentifiedPayload, MujocoBodies
 from adaptctl.identification.identify import identified
 from adaptctl.simulation import effects
 from adaptctl.tuning import tune
@@ -216,6 +217,7 @@ def of_identification() -> Any:
         identified(case.guess, case.drives, [case.log], [case.log]),
         case,
         IdentifiedPayload("log", "tool0", np.ones(10), np.eye(10)),
+        MujocoBodies.of(mujoco.MjSpec.from_file(str(builtin_file("scene")))),
     )
 
 

@@ -56,6 +56,8 @@ def pseudo_inertia(ten: ArrayLike) -> Array:
 
 UNIT_PSEUDO_INERTIAS = np.stack([pseudo_inertia(unit) for unit in np.eye(len(PARAMETERS))])
 """Pseudo-inertias (10, 4, 4) of each parameter at 1 and the others at 0."""
+TEN_OF_PSEUDO_INERTIA = np.linalg.pinv(UNIT_PSEUDO_INERTIAS.reshape(10, 16))
+"""Matrix (16, 10) by which rows of 16 entries of pseudo-inertias become rows of the ten."""
 
 
 def from_pseudo_inertia(matrix: ArrayLike) -> Array:

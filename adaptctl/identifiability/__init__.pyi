@@ -3,6 +3,7 @@ from adaptctl.identifiability.certificate import Certificate as Certificate
 from adaptctl.identifiability.certificate import ResidualSingularValue as ResidualSingularValue
 from adaptctl.identifiability.consistency import ConsistentParameters as ConsistentParameters
 from adaptctl.identifiability.consistency import nearest_consistent as nearest_consistent
+from adaptctl.identifiability.consistent_bodies import ConsistentBodies as ConsistentBodies
 from adaptctl.identifiability.constraints import Constraints as Constraints
 from adaptctl.identifiability.constraints import Relation as Relation
 from adaptctl.identifiability.constraints import constrained as constrained

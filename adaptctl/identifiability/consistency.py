@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array
 from adaptctl.caching import cached_property
-from adaptctl.description.inertia import UNIT_PSEUDO_INERTIAS, pseudo_inertia
+from adaptctl.description.inertia import TEN_OF_PSEUDO_INERTIA, pseudo_inertia
 from adaptctl.errors import AdaptctlError, InputError, MissingExtraError
 from adaptctl.identifiability.reduced_model import ReducedModel
 
@@ -239,5 +239,4 @@ def _roots(model: ReducedModel, prior: Array) -> list[Array]:
 
 
 def _as_ten(root: Array) -> Array:
-    to_ten = np.linalg.pinv(UNIT_PSEUDO_INERTIAS.reshape(10, 16).T)
-    return np.asarray(to_ten @ np.kron(root, root))
+    return np.asarray(TEN_OF_PSEUDO_INERTIA.T @ np.kron(root, root))

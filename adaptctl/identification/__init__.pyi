@@ -7,4 +7,5 @@ from adaptctl.identification.learned_payload import learned_payload as learned_p
 from adaptctl.identification.learned_payload import mass_of_change as mass_of_change
 from adaptctl.identification.learned_payload import told as told
 from adaptctl.identification.learned_payload import told_numbers as told_numbers
+from adaptctl.identification.mujoco_bodies import MujocoBodies as MujocoBodies
 from adaptctl.identification.validation import Validation as Validation
