@@ -173,6 +173,22 @@ def test_its_condition_is_that_of_the_stacked_regressor(found: ExcitationTraject
     assert np.linalg.cond(rows.reshape(-1, rows.shape[-1])) == pytest.approx(found.condition, rel=1e-3)
 
 
+def test_with_an_earlier_motion_the_condition_is_that_of_both_by_their_time() -> None:
+    """Four seconds of one joint, 50 rows a second, and a period of ten seconds of 400 rows."""
+    of, time = model("two_link"), np.arange(0.0, 4.0, 0.02)[:, None]
+    wave = np.array([0.3, 0.0])
+    earlier = wave * np.sin(3.0 * time), 3.0 * wave * np.cos(3.0 * time), -9.0 * wave * np.sin(3.0 * time)
+    found = excitation_trajectory(of, earlier=earlier, iterations=2)
+    step = 10.0 / (SAMPLES_PER_PERIOD * 5)
+    new = found.reference(step * np.arange(SAMPLES_PER_PERIOD * 5))
+    rows = [
+        np.sqrt(seconds) * scaled_regressor(of, p, v, v, a).reshape(-1, len(of.columns))
+        for (p, v, a), seconds in ((new, step), (earlier, 0.02))
+    ]
+    assert found.condition == pytest.approx(np.linalg.cond(np.concatenate(rows)), rel=1e-6)
+    assert found.condition != pytest.approx(np.linalg.cond(rows[0]), rel=0.05)
+
+
 def test_it_stays_within_the_limits(found: ExcitationTrajectory) -> None:
     of = model("puma560_geared")
     assert_within(of, found.reference, MotionLimits.from_model(of, 0.8))

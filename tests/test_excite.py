@@ -167,11 +167,30 @@ def test_the_command_writes_what_robots_run(tmp_path: Path, capsys: pytest.Captu
         text = (tmp_path / "out" / f"{name}.yaml").read_text().splitlines()
         assert json.loads(text[1].removeprefix("joint_names: ")) == ["turn", "bend"]
         assert json.loads(text[-1].removeprefix("- ")) == last
+    assert (tmp_path / "out" / "excitation.rrd").read_bytes()[:4] == b"RRF2"
     told = json.loads((tmp_path / "out" / "forecast.json").read_text())
     assert told["self_collision_checked"] is True
     assert all(entry["deviation"] > 0.0 for entry in told["parameters"].values())
     assert main(line) == 2
     assert "the folder is not empty" in capsys.readouterr().err
+
+
+def test_a_motion_after_a_log_adds_what_that_left_open(tmp_path: Path) -> None:
+    """A log of the turning joint alone, and the motion forecast with it: no parameter is known less than from it."""
+    (tmp_path / "boxes.urdf").write_text(BOXES)
+    arm, time = load(tmp_path / "boxes.urdf"), np.arange(0.0, 6.0, 0.01)[:, None]
+    wave, rate = np.array([0.4, 0.01]), np.array([2.0, 1.0])
+    p, v = wave * np.sin(rate * time), rate * wave * np.cos(rate * time)
+    rows = np.column_stack([time, p, arm.inverse_dynamics(p, v, -(rate**2) * p)])
+    names = "time,position.turn,position.bend,torque.turn,torque.bend"
+    np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header=names, comments="")
+    line = ["excite", str(tmp_path / "boxes.urdf"), "--iterations", "1", "--noise", "1", "--out"]
+    told = []
+    for more in ([], ["--after", str(tmp_path / "log.csv"), "--units", "time=s", "position=rad", "torque=N m"]):
+        assert main([*line, str(tmp_path / f"{len(more)}"), *more]) == 0
+        told.append(json.loads((tmp_path / f"{len(more)}" / "forecast.json").read_text()))
+    alone, after = ([entry["deviation"] for entry in one["parameters"].values()] for one in told)
+    assert np.all(np.array(after) < np.array(alone))
 
 
 @pytest.mark.parametrize(
@@ -194,6 +213,8 @@ def test_the_command_writes_what_robots_run(tmp_path: Path, capsys: pytest.Captu
         (["--box", "1", "1", "1", "2", "0", "2"], "--box: expected the last three numbers above the first three"),
         (["--box", "1", "1", "1", "2", "nan", "2"], "--box: expected the last three numbers above the first three"),
         (["--noise", "1", "2", "3"], "noise: expected"),
+        (["--units", "position=rad"], "--drives, --columns and --units are of earlier logs: give them by --after LOG"),
+        (["--after", "none.csv"], "none.csv: does not exist"),
     ],
 )
 def test_what_cannot_be_is_refused(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -25,8 +24,6 @@ SCHEMA = "adaptctl/drive/1"
 DONE, FAILED = 0, 3
 FAST = 60.0
 """rad/s, corner frequency of the observer of external torques"""
-RECORDED = 50.0
-"""Hz of the recording"""
 Vendor = Literal["franka", "trossen", "ur", "udp", "mujoco"]
 OnTouch = Literal["ignore", "stop", "comply", "retract"]
 
@@ -149,17 +146,13 @@ def _view(arm: Mechanism, shown: ExitStack) -> Any:
 def _write(folder: Path, run: DrivenRun, arm: Mechanism) -> None:
     """Write summary and recording."""
     from adaptctl.files import write_json
-    from adaptctl.recording import Live
+    from adaptctl.recording.motion_recording import record_motion
 
     write_json(folder / "summary.json", as_builtins(run, arm))
     if run.rollout is None:
         return
-    with Live(arm, str(folder / "recording.rrd"), rate=RECORDED) as recording:
-        kept = run.rollout
-        step = max(1, round(1.0 / (RECORDED * kept.control_period)))
-        for k in range(0, len(kept.time), step):
-            recording.show(float(kept.time[k]), kept.p[k], kept.reference_p[k], kept.applied[k])
-            time.sleep(1e-3)  # for the process that draws, which would drop samples
+    kept = run.rollout
+    record_motion(folder / "recording.rrd", arm, kept.time, kept.p, kept.reference_p, kept.applied)
 
 
 def as_builtins(run: DrivenRun, arm: Mechanism) -> dict[str, Any]:

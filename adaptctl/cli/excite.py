@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from adaptctl.cli.output import Folder, Json, Overwrite, Robot, print_json
+from adaptctl.cli.pairs import Pairs, pairs
 from adaptctl.cli.robot import AS_USUAL, RobotFlags
 
 if TYPE_CHECKING:
+    from adaptctl.dynamics import Mechanism
     from adaptctl.identification.robot_motion import RobotMotion
     from adaptctl.identification.uncertainty import Forecast
 
@@ -32,6 +34,10 @@ def excite(
     jerk: Annotated[Numbers, Parameter(metavar="RAD/S3")] = (),
     box: Annotated[Numbers, Parameter(metavar="M")] = (),
     noise: Annotated[Numbers, Parameter(metavar="NM")] = (),
+    after: Annotated[tuple[Path, ...], Parameter(metavar="LOG")] = (),
+    drives: Annotated[Path | None, Parameter(metavar="FILE")] = None,
+    columns: Annotated[Pairs, Parameter(metavar="WHAT=NAME")] = (),
+    units: Annotated[Pairs, Parameter(metavar="WHAT=UNIT")] = (),
     sample_rate: float = 100.0,
     iterations: int = 10,
     seed: int = 0,
@@ -43,7 +49,7 @@ def excite(
     """
     Make a motion that excites a robot's parameters, and another to validate on, each from rest to rest.
 
-    Writes both as CSV and for ROS 2, with forecast.json, the deviations of the parameters to be expected.
+    Writes both as CSV and for ROS 2, with a recording and forecast.json, the deviations of parameters to be expected.
 
     Parameters
     ----------
@@ -63,6 +69,14 @@ def excite(
         Box that contains the link frames, m: x y z from, x y z to.
     noise : list of float
         Expected torque residuals for the forecast, one value or one per joint.
+    after : list of Path
+        Earlier logs: the motions excite what these left open, and the forecast is that of all together.
+    drives : Path
+        TOML file with the transmission of those logs, and their columns.
+    columns : list of str
+        Columns of those logs, as in `identify`.
+    units : list of str
+        Units of those columns, as in `identify`.
     sample_rate : float
         Points per second in the files.
     iterations : int
@@ -87,11 +101,13 @@ def excite(
     from adaptctl.identification.robot_motion import RobotLimits, exciting_motion
     from adaptctl.identification.uncertainty import forecast
     from adaptctl.identification.workspace import workspace
+    from adaptctl.recording.motion_recording import record_motion
 
     mechanism = reading.load(robot)
     _validate_rate(sample_rate)
     limits = RobotLimits.of(mechanism, limit_share, _each(acceleration), _each(jerk))
     residuals = positive_per_joint(_each(noise), mechanism.dof, "noise") if noise else None
+    earlier = _earlier(mechanism, after, drives, columns, units)
     area, first = workspace(mechanism, robot, *_box(box)), start or None
     with replacing_folder(out, overwrite) as folder:
         motions = {
@@ -105,14 +121,17 @@ def excite(
                 seed=seed + i,
                 iterations=iterations,
                 allowed=area.allows,
+                earlier=earlier if i == 0 else None,
             )
             for i, name in enumerate(("excitation", "validation"))
         }
-        predicted = forecast(mechanism, motions["excitation"], residuals)
+        predicted = forecast(mechanism, motions["excitation"], residuals, earlier)
         for name, motion in motions.items():
             _write(folder, name, motion, [joint.name for joint in mechanism.primary_joints], sample_rate)
         content = as_builtins(robot, motions, predicted, area.collides is not None)
         write_json(folder / "forecast.json", content)
+        time, p, v, a, _ = motions["excitation"].sampled()
+        record_motion(folder / "excitation.rrd", mechanism, time, p, p, mechanism.inverse_dynamics(p, v, a))
     if json:
         print_json(content | {"folder": str(out)})
     else:
@@ -121,6 +140,21 @@ def excite(
 
 def _each(given: Numbers) -> Any:
     return (given[0] if len(given) == 1 else list(given)) if given else None
+
+
+def _earlier(mechanism: Mechanism, logs: tuple[Path, ...], drives: Path | None, columns: Pairs, units: Pairs) -> Any:
+    """Motion of earlier logs, if there are any."""
+    from adaptctl.errors import InputError
+    from adaptctl.identification.drives_file import read_drives
+    from adaptctl.identification.earlier_motion import read_earlier_motion
+
+    if not logs and (drives or columns or units):
+        raise InputError("--drives, --columns and --units are of earlier logs: give them by --after LOG")
+    if drives and (columns or units):
+        raise InputError("--columns, --units: expected none, because --drives specifies them")
+    given = read_drives(drives) if drives else None
+    named, in_units = pairs("--columns", columns), pairs("--units", units)
+    return read_earlier_motion(mechanism, logs, given, named, in_units) if logs else None
 
 
 def as_builtins(robot: str, motions: dict[str, RobotMotion], predicted: Forecast, collisions: bool) -> dict[str, Any]:
@@ -183,5 +217,6 @@ def _print(motions: dict[str, RobotMotion], predicted: Forecast, collisions: boo
     print("  least excited parameter combinations")
     for combination in predicted.combinations[:5]:
         print(f"    {combination.words}   (prior range divided by standard deviation: {combination.strength:.2g})")
-    print(f"\nRun:      {folder / 'excitation.csv'} (or .yaml, .json), then {folder / 'validation.csv'}")
+    print(f"\nSee:      rerun {folder / 'excitation.rrd'}")
+    print(f"Run:      {folder / 'excitation.csv'} (or .yaml, .json), then {folder / 'validation.csv'}")
     print("Then:     adaptctl identify LOG --robot ROBOT --validate OTHER")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from adaptctl.cli.output import Folder, Json, Overwrite, listed, print_json, print_outcome, print_parts, titled
+from adaptctl.cli.pairs import Pairs, pairs
 from adaptctl.cli.robot import AS_USUAL, RobotFlags
 
 if TYPE_CHECKING:
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from adaptctl.identification import Identification
     from adaptctl.identification.estimator_comparison import Amplification
 
-Pairs = tuple[str, ...]
 SCHEMA, ENERGIES = "adaptctl/identified/2", "energy-differences"
 
 
@@ -129,8 +129,8 @@ def identify(
             mechanism,
             drives,
             validate=validate,
-            columns=_pairs("--columns", columns),
-            units=_pairs("--units", units),
+            columns=pairs("--columns", columns),
+            units=pairs("--units", units),
             sample_rate=sample_rate,
             topic=topic,
             skip_steps=skip_steps,
@@ -138,7 +138,7 @@ def identify(
             cutoff=cutoff,
             prior_weight=prior_weight,
             instrumental_variables=instrumental_variables,
-            payloads=_pairs("--payload", payload),
+            payloads=pairs("--payload", payload),
             payload_mass=payload_mass,
             payload_after=payload_after,
             compensated=compensated,
@@ -226,20 +226,3 @@ def _joints(found: Identification) -> Table:
     from adaptctl.identification.report import joint_verdicts
 
     return listed((joint.name, (joint.sentence, STYLES[joint.tone.value])) for joint in joint_verdicts(found))
-
-
-EXAMPLES = {
-    "--columns": "WHAT=NAME, such as position=q{} torque=tau{}",
-    "--units": "WHAT=UNIT, such as position=deg torque='N m'",
-    "--payload": "LOG=LINK, such as loaded.csv=tool0",
-}
-
-
-def _pairs(option: str, given: Pairs) -> dict[str, str]:
-    from adaptctl.errors import InputError
-
-    for pair in given:
-        if "=" not in pair:
-            raise InputError(f"{option}: expected {EXAMPLES[option]}, got {pair!r}")
-    parts = (pair.partition("=") for pair in given)
-    return {what: value for what, _, value in parts}

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked, per_joint, positive_number
-from adaptctl.control.excitation.excitation_trajectory import MotionLimits, excitation_trajectory
+from adaptctl.control.excitation.excitation_trajectory import Motion, MotionLimits, excitation_trajectory
 from adaptctl.control.references import Sinusoids
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
@@ -230,6 +230,7 @@ def exciting_motion(
     seed: int = 0,
     iterations: int = 10,
     allowed: Allowed | None = None,
+    earlier: Motion | None = None,
 ) -> RobotMotion:
     """
     Design a motion that excites a mechanism's parameters within limits.
@@ -258,6 +259,9 @@ def exciting_motion(
         Largest number of search steps.
     allowed : callable, optional
         Function that is True if positions (n, r) are allowed, for instance free of collisions; all are by default.
+    earlier : tuple of ndarray, optional
+        Positions, velocities and accelerations (n, r) of an earlier log, 50 a second, to which the motion is to add
+        what that left open.
 
     Returns
     -------
@@ -297,6 +301,7 @@ def exciting_motion(
         harmonics=harmonics,
         limit_share=limit_share,
         limits=space,
+        earlier=earlier,
         iterations=iterations,
         seed=seed,
     )

@@ -13,6 +13,7 @@ from scipy.stats import norm, t
 from adaptctl.arrays import Array, positive_per_joint
 from adaptctl.control.adaptation import PriorRanges
 from adaptctl.control.excitation.deviations import least_squares_deviations
+from adaptctl.control.excitation.excitation_trajectory import INDEPENDENT_ROW_RATE, Motion
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identifiability import EssentialSpace, ReducedModel, States, essential_space, reduce
@@ -160,8 +161,6 @@ def _words(vector: Array, names: Sequence[str]) -> str:
     return " ".join(terms).removeprefix("+") + (" ..." if len(kept) < np.sum(np.abs(vector) > 0.1) else "")
 
 
-# Rate in Hz at which rows count as independent.
-INDEPENDENT_ROW_RATE = 50.0
 # Share of the largest torque of the motion that residuals are expected to have, unless given.
 NOISE_SHARE = 0.02
 
@@ -186,12 +185,16 @@ class Forecast:
         return np.divide(self.deviations, value, out=unknown, where=value > 0.0)
 
 
-def forecast(mechanism: Mechanism, motion: RobotMotion, noise: ArrayLike | None = None) -> Forecast:
-    """Standard deviations to be expected from least squares on a motion."""
+def forecast(
+    mechanism: Mechanism, motion: RobotMotion, noise: ArrayLike | None = None, earlier: Motion | None = None
+) -> Forecast:
+    """Standard deviations to be expected from least squares on a motion, with an earlier one if given."""
     given = None if noise is None else positive_per_joint(noise, mechanism.dof, "noise")
     model = ReducedModel(mechanism)
     _, p, v, a, _ = motion.sampled(INDEPENDENT_ROW_RATE)
     expected = _expected(mechanism.inverse_dynamics(p, v, a)) if given is None else given
+    if earlier is not None:
+        p, v, a = (np.concatenate(both) for both in zip((p, v, a), earlier, strict=True))
     Y = (model.torque_regressor(p, v, a) / expected[:, None]).reshape(-1, len(model.columns))
     condition, deviations = least_squares_deviations(Y, PriorRanges().for_parameters(model.names))
     return Forecast(model, condition, deviations, tuple(combinations(Y.T @ Y, model.names)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,7 +23,11 @@ RANDOM_REFERENCES = 10  # for comparison
 MAX_UNTHREADED_PRODUCT = 200_000  # multiplications below which OpenBLAS starts no threads
 MAX_LOGIT = 30.0  # the logistic is 0 or 1 to 1e-13 beyond, and would overflow at -710
 BISECTIONS = 20
+INDEPENDENT_ROW_RATE = 50.0  # Hz; at a higher rate the errors of an identification are correlated
 TORQUE_PENALTY = 30.0  # on the squared excess, against the logarithm of the condition number
+
+Motion = tuple[Array, Array, Array]
+"""Positions, velocities and accelerations (n, r), at 50 Hz"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,6 +144,7 @@ class FourierSearch:
     frequency: float
     harmonics: int
     scale: Array
+    earlier: Motion | None = None
 
     @property
     def dof(self) -> int:
@@ -174,7 +179,7 @@ class FourierSearch:
     def judged(self, x: Array, factor: float = 1.0) -> tuple[float, float]:
         """Condition number and torque share."""
         Y = self._along(x, factor)
-        eigenvalues = np.linalg.eigvalsh(_gram(Y * self.scale))
+        eigenvalues = np.linalg.eigvalsh(_gram(Y * self.scale) + len(Y) * self.frequency * self._known)
         smallest = max(float(eigenvalues[0]), 1e-30 * float(eigenvalues[-1]))
         return float(np.sqrt(eigenvalues[-1] / smallest)), self._share(Y)
 
@@ -231,6 +236,14 @@ class FourierSearch:
         return float((np.abs(Y @ self.model.fundamental_parameters) / self.limits.torque).max())
 
     @cached_property
+    def _known(self) -> Array:
+        """Scaled Y'Y (k, k) in s of the earlier motion."""
+        if self.earlier is None:
+            return np.zeros((len(self.scale), len(self.scale)))
+        p, v, a = self.earlier
+        return _gram(self._regressor(p, v, v, a) * self.scale) / INDEPENDENT_ROW_RATE
+
+    @cached_property
     def _order(self) -> Array:
         return np.arange(1.0, self.harmonics + 1.0)[:, None]
 
@@ -253,6 +266,7 @@ def excitation_trajectory(
     limit_share: float = 0.8,
     scale: ArrayLike | None = None,
     limits: MotionLimits | None = None,
+    earlier: Motion | None = None,
     iterations: int = 100,
     seed: int = 0,
     progress: Callable[[float], object] | None = None,
@@ -275,6 +289,9 @@ def excitation_trajectory(
         Prior ranges (k,) in SI units, or one number, those of `PriorRanges` unless given.
     limits : MotionLimits, optional
         Limits of the reference. Torques are the model's own: give lower limits for uncertain parameters.
+    earlier : tuple of ndarray, optional
+        Positions, velocities and accelerations (n, r) of an earlier motion, 50 a second. The condition is then that of
+        both together, so that the search is for what the earlier one left open.
     iterations : int, default 100
         Iterations of the search, at most; fewer if it converges before.
     seed : int, default 0
@@ -306,7 +323,7 @@ def excitation_trajectory(
     True
     """
     iterations = whole_count(iterations, "iterations", 1)
-    search = _checked(model, frequency, harmonics, limit_share, scale, limits)
+    search = replace(_checked(model, frequency, harmonics, limit_share, scale, limits), earlier=earlier)
     rng = np.random.default_rng(whole_count(seed, "seed"))
     starts = [search.random(rng) for _ in range(RANDOM_REFERENCES)]
     random_conditions = np.array([search.within(x)[1] for x in starts])
