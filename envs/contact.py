@@ -19,7 +19,7 @@ from adaptctl.envs.tracking import TrackingEnv
 from adaptctl.errors import InputError
 from adaptctl.optional_packages import needed
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant
-from adaptctl.simulation.push import HandPush
+from adaptctl.simulation.push import HandPush, validate_pushes
 from adaptctl.tuning import with_friction
 
 if TYPE_CHECKING:
@@ -77,7 +77,8 @@ class ContactEnv(TrackingEnv):
     Raises
     ------
     InputError
-        If a number, a scene or a pushed link is bad, or the robot has no joints of a PUMA 560.
+        If a number, a scene or a pushed link is bad, a push begins after the end, or the robot has no joints of a
+        PUMA 560.
     MissingExtraError
         If MuJoCo is not installed.
 
@@ -107,6 +108,7 @@ class ContactEnv(TrackingEnv):
     ) -> None:
         arm = of_three_joints(load(robot) if isinstance(robot, str) else robot)
         validate_scene(scene)
+        validate_within(pushes, duration)
         model = beside(arm, scene, positive_number(surface, "surface: expected a stiffness in N/m above 0"))
         limits, body = torque_limits(arm, None, finite=True), arm.links[0].name
         at_tool = tuple(push if push.body else replace(push, body=LINK, point=_tool(arm)) for push in pushes)
@@ -119,6 +121,13 @@ def validate_scene(scene: object) -> None:
     """Raise `InputError` unless there is such a scene."""
     if scene not in SCENES:
         raise InputError(f"scene: expected {', '.join(SCENES)}, got {scene!r}")
+
+
+def validate_within(pushes: Sequence[HandPush], duration: float) -> None:
+    """Raise `InputError` unless all are pushes and begin before the end."""
+    validate_pushes(pushes)
+    if late := [push.start for push in pushes if push.start >= duration]:
+        raise InputError(f"push: start: expected a time before {duration:g} s, the end of the run, got {max(late):g}")
 
 
 def of_three_joints(robot: Mechanism) -> Mechanism:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -15,8 +15,18 @@ from adaptctl.caching import cached_property
 from adaptctl.control import AdaptationLaw, SlotineLi, TaskImpedance, with_external_torque
 from adaptctl.control.gains.workspace import Workspace
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.envs.contact import INTO, LINK, TOOL, ContactEnv, joint_path, of_three_joints, validate_scene
-from adaptctl.errors import InputError
+from adaptctl.envs.contact import (
+    INTO,
+    LINK,
+    LINKS,
+    TOOL,
+    ContactEnv,
+    joint_path,
+    of_three_joints,
+    validate_scene,
+    validate_within,
+)
+from adaptctl.errors import InputError, suggested_name
 from adaptctl.experiments.contest import ADAPTATION_OFF, Contender, Learning, Outcome, Told
 from adaptctl.experiments.experiment import setting, validate_count
 from adaptctl.experiments.push_findings import answer_of_push, findings_of_push
@@ -41,6 +51,8 @@ SETTLED = 15.0
 """s from which on the force is judged"""
 HAND = "tool"
 """name of the tool among pushed links"""
+OF_PUSH, OF_SURFACE = ("push_link", "push_start", "push_duration", "push_rise"), ("force", "surface")
+"""settings of a push and of a surface"""
 
 
 @dataclass(frozen=True)
@@ -66,10 +78,20 @@ class Contact(Learning):
         super().__post_init__()
         validate_count(self, ("push",), 3, "a force in N along x, y and z")
         validate_scene(self.scene)
-        if self.pushes and self.push_start >= self.duration:
-            raise InputError(
-                f"push_start: expected a time before {self.duration:g} s, the end of the run, got {self.push_start:g}"
-            )
+        validate_within(self.pushes, self.duration)
+        if self.push_link not in (HAND, *LINKS):
+            known = f"expected {', '.join((HAND, *LINKS))}, got {self.push_link!r}"
+            raise InputError(f"push_link: {known}{suggested_name(self.push_link.lower(), (HAND, *LINKS))}")
+        if not self.pushes:
+            self._validate_unchanged(OF_PUSH, "without a push: add push, its force in N along x, y and z")
+        if self.scene == "air":
+            self._validate_unchanged(OF_SURFACE, "in air: add scene table or wall")
+
+    def _validate_unchanged(self, names: Sequence[str], why: str) -> None:
+        """Raise `InputError` for the first setting that would count for nothing."""
+        for name in names:
+            if getattr(self, name) != getattr(type(self), name):
+                raise InputError(f"{name}: has no effect {why}")
 
     @property
     def purpose(self) -> str:

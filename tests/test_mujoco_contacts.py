@@ -184,8 +184,20 @@ def test_an_arm_is_pushed_at_the_links_that_it_has() -> None:
     push = HandPush([0.0, 20.0, 0.0], 0.0, 5.0, body="hand")
     with pytest.raises(InputError, match=r"push: there is no link 'hand'; expected one of link1, link2, link3"):
         ContactEnv(pushes=[push])
+    with pytest.raises(InputError, match=r"push: there is no link 'Link2' \(did you mean 'link2'\?\); expected one of"):
+        ContactEnv(pushes=[replace(push, body="Link2")])
+    with pytest.raises(InputError, match="push: start: expected a time before 4 s, the end of the run, got 4"):
+        ContactEnv(pushes=[replace(push, start=4.0)], duration=4.0)
     with pytest.raises(InputError, match="scene: expected table, wall, air, got 'floor'"):
         ContactEnv(scene="floor")
+
+
+@pytest.mark.parametrize("pushes", [SKYWARD, None, "abc", [{"force": [0.0, 20.0, 0.0]}]])
+def test_what_is_no_sequence_of_pushes_is_refused(pushes: Any) -> None:
+    with pytest.raises(InputError, match=r"^pushes: expected a sequence of HandPush"):
+        ContactEnv(pushes=pushes)
+    with pytest.raises(InputError, match=r"^push: time: expected a number, got 'x'"):
+        SKYWARD.at("x")  # type: ignore[arg-type]
 
 
 def test_the_tool_goes_behind_the_wall() -> None:
@@ -297,9 +309,17 @@ def test_a_hand_is_felt_and_not_learned(tmp_path: Path) -> None:
         ({"push": (0.0, np.nan, 0.0)}, "push: expected numbers from -500 to 500, got nan"),
         (
             {"push": (0.0, 20.0, 0.0), "push_start": 20.0},
-            "push_start: expected a time before 20 s, the end of the run, got 20",
+            "push: start: expected a time before 20 s, the end of the run, got 20",
         ),
         ({"push": (0.0, 20.0, 0.0), "push_rise": 3.0}, "push: rise: expected a time in s from 0 to 2.5"),
+        ({"push_start": 3.0}, "push_start: has no effect without a push: add push, its force in N along x, y and z"),
+        ({"push": (0.0, 0.0, 0.0), "push_link": "link2"}, "push_link: has no effect without a push"),
+        ({"push": (0.0, 20.0, 0.0), "push_link": "Tool"}, r"got 'Tool' \(did you mean 'tool'\?\)"),
+        (
+            {"push": (0.0, 20.0, 0.0), "push_link": "joint4"},
+            "push_link: expected tool, link1, link2, link3, got 'joint4'",
+        ),
+        ({"scene": "air", "force": 20.0}, "force: has no effect in air: add scene table or wall"),
         ({"push_duration": -5.0}, "push_duration: expected a number from 0.001 to 300, got -5"),
         ({"scene": "floor"}, "scene: expected table, wall, air, got 'floor'"),
     ],

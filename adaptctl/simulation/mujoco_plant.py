@@ -26,11 +26,12 @@ from adaptctl.errors import (
     NonFiniteError,
     ReferenceWarning,
     SimplificationWarning,
+    suggested_name,
 )
 from adaptctl.files import validate_readable
 from adaptctl.simulation.period import PlantState
 from adaptctl.simulation.plant import Plant
-from adaptctl.simulation.push import HandPush
+from adaptctl.simulation.push import HandPush, validate_pushes
 
 if TYPE_CHECKING:
     import mujoco
@@ -71,6 +72,7 @@ class MuJoCoPlant(Plant):
             )
         if len(self.arm.joints) != self.dof:
             raise InputError(f"{self.mechanism.name}: expected {self.dof} joints in the MuJoCo model")
+        validate_pushes(self.pushes)
         for push in self.pushes:
             self._pushed(push)
 
@@ -136,7 +138,8 @@ class MuJoCoPlant(Plant):
         names = [self.arm.model.body(i).name for i in self.arm.bodies]
         if push.body is not None and push.body not in names:
             raise InputError(
-                f"{self.mechanism.name}: push: there is no link {push.body!r}; expected one of {', '.join(names)}"
+                f"{self.mechanism.name}: push: there is no link {push.body!r}"
+                f"{suggested_name(str(push.body).lower(), names)}; expected one of {', '.join(names)}"
             )
         return self.arm.bodies[-1 if push.body is None else names.index(push.body)]
 

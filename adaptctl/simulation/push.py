@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from adaptctl.arrays import MAX_DURATION, Array, frozen_array, positive_number, real_number
 from adaptctl.caching import sent_as_made
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, shown
 
 
 @sent_as_made
@@ -73,11 +74,23 @@ class HandPush:
         ndarray
             Force (3,) in N along the world's axes.
 
+        Raises
+        ------
+        InputError
+            If `time` is not a number.
+
         Examples
         --------
         >>> adaptctl.simulation.HandPush([0.0, 20.0, 0.0], start=8.0, duration=5.0).at(9.0).tolist()
         [0.0, 20.0, 0.0]
         """
+        real_number(time, "push: time")
         passed = min(time - self.start, self.start + self.duration - time)
         within = passed >= 0.0 and time < self.start + self.duration
         return self.force * (within and (min(1.0, passed / self.rise) if self.rise else 1.0))
+
+
+def validate_pushes(pushes: object) -> None:
+    """Raise `InputError` unless given a sequence of pushes, which may be empty."""
+    if not isinstance(pushes, Sequence) or not all(isinstance(push, HandPush) for push in pushes):
+        raise InputError(f"pushes: expected a sequence of HandPush, such as [HandPush(...)], got {shown(pushes)}")
