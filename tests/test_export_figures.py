@@ -71,7 +71,7 @@ def test_sizes_of_live_arms_are_those_of_the_page() -> None:
 def test_the_size_of_a_law_alone_is_that_of_the_page(tmp_path: Path) -> None:
     law = puma().controller
     done = adaptctl.export(law, tmp_path / "arm", name="arm", language="wasm", without_safety_filter=True)
-    stated = re.search(r"a module of some (\d+) kB \((\d+) parameters of six joints\)", TEXT)
+    stated = re.search(r"some (\d+) kB for (\d+) parameters of six joints", TEXT)
     assert stated is not None
     assert int(stated[1]) == pytest.approx(done.manifest["wasm_bytes"] / 1000, rel=0.1)
     assert (int(stated[2]), len(Interface(law).joints)) == (len(law.model.columns), 6)
