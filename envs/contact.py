@@ -12,6 +12,9 @@ from adaptctl.arrays import Array, positive_number
 from adaptctl.control.gains.gains import torque_limits
 from adaptctl.control.minimum_jerk import quintic
 from adaptctl.control.spline import Spline
+from adaptctl.description import GROUND
+from adaptctl.description.pose import Pose
+from adaptctl.description.visual import Box, Visual
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.inverse_kinematics import Tip
 from adaptctl.envs.task import control_period_of
@@ -114,6 +117,7 @@ class ContactEnv(TrackingEnv):
         at_tool = tuple(push if push.body else replace(push, body=LINK, point=_tool(arm)) for push in pushes)
         given: Any = {"torque_limits": limits, "model": model, "body": body, "pushes": at_tool}
         plant = MuJoCoPlant(arm, control_period_of(control_period), **given)
+        self.surroundings = surroundings_of(scene)
         self._set_task(plant, joint_path(arm, duration, scene), duration, error_bound=error_bound)
 
 
@@ -168,6 +172,21 @@ def _tool(arm: Mechanism) -> Array:
     return np.asarray(to_link.rotation @ np.array(TOOL) + to_link.translation)
 
 
+def surface_box(scene: str) -> tuple[Array, Array]:
+    """Center (3,) and half of the lengths (3,) of a table or wall in m."""
+    into = INTO[scene]
+    return TOUCHED[scene] + (RADIUS + THICKNESS) * into, np.where(into, THICKNESS, [LENGTH, WIDTH, LENGTH])
+
+
+def surroundings_of(scene: str) -> tuple[Visual, ...]:
+    """Table or wall for drawing, if there is one."""
+    if scene == "air":
+        return ()
+    center, half = surface_box(scene)
+    x, y, z = (2.0 * half).tolist()
+    return (Visual(GROUND, Pose(np.eye(3), center), Box((x, y, z))),)
+
+
 @needed("the environment adaptctl/Contact-v0")
 def beside(arm: Mechanism, scene: str, surface: float) -> mujoco.MjModel:
     """MuJoCo's arm with a ball as its tool, beside a table or wall on a spring."""
@@ -181,11 +200,9 @@ def beside(arm: Mechanism, scene: str, surface: float) -> mujoco.MjModel:
     spec.body(LINK).add_geom(type=shape.mjGEOM_SPHERE, size=[RADIUS, 0, 0], pos=_tool(arm), mass=0, **touch)
     if scene == "air":
         return spec.compile()
-    into = INTO[scene]
-    place = TOUCHED[scene] + (RADIUS + THICKNESS) * into
+    into, (place, sizes) = INTO[scene], surface_box(scene)
     sprung = spec.worldbody.add_body(name=scene, pos=place, gravcomp=1)
     damping = 2.0 * DAMPING_RATIO * np.sqrt(SURFACE_MASS * surface)
     sprung.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=-into, stiffness=surface, damping=damping)
-    sizes = np.where(into, THICKNESS, [LENGTH, WIDTH, LENGTH])
     sprung.add_geom(type=shape.mjGEOM_BOX, size=sizes, mass=SURFACE_MASS, **touch)
     return spec.compile()

@@ -194,6 +194,7 @@ class Learning(ClosedLoopExperiment):
             expected=self.expected,
             live=live_contender(env, contenders, self.seed, self.options) if outcome.complete else "",
             error_bound=getattr(env.unwrapped, "error_bound", None),
+            surroundings=getattr(env.unwrapped, "surroundings", ()),
         )
 
 

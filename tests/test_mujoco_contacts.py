@@ -18,7 +18,7 @@ from adaptctl.control import PDGravity
 from adaptctl.control.references import Sinusoids
 from adaptctl.dynamics.inverse_kinematics import Tip
 from adaptctl.envs import ContactEnv, MuJoCoTrackingEnv
-from adaptctl.envs.contact import CLEARANCE, LINK, TOOL, beside, joint_path
+from adaptctl.envs.contact import CLEARANCE, LINK, TOOL, beside, joint_path, surroundings_of
 from adaptctl.errors import InputError, ReferenceWarning
 from adaptctl.experiments.contact import Contact
 from adaptctl.experiments.push_findings import answer_of_push, findings_of_push
@@ -235,6 +235,26 @@ def test_forces_are_averaged_over_fifty_milliseconds(tmp_path: Path) -> None:
     pushed = replace(run, flags={**run.flags, "contact_force_z": np.where(run.time >= 0.1, 8.0, 0.0)})
     forces = contact_forces(pushed)[:, 2]
     np.testing.assert_allclose(forces[[99, 100, 124, 149, 199]], [0.0, 8.0 / 50.0, 4.0, 8.0, 8.0])
+
+
+def test_a_force_keeps_its_point_while_a_contact_opens_and_closes() -> None:
+    """A contact that closes in every tenth sample only, and is open at the end."""
+    env = ContactEnv(duration=0.2)
+    run = adaptctl.rollout(env, PDGravity(env.mechanism, 5.0, [10.0, 10.0, 10.0]), seed=0)
+    closed = (run.time >= 0.1) & (np.arange(len(run.time)) % 10 == 0)
+    touch = {"contact_force_x": -10.0 * closed, "contact_point_x": 0.67 * closed, "contact_point_z": 0.35 * closed}
+    points = contact_points(replace(run, flags={**run.flags, **touch}))
+    np.testing.assert_allclose(points[[110, 115, 199]], np.tile([0.67, 0.0, 0.35], (3, 1)))
+    assert not points[:99].any()
+
+
+@pytest.mark.parametrize("scene", ["table", "wall"])
+def test_a_surface_is_drawn_where_it_is(scene: str) -> None:
+    model, (drawn,) = beside(ContactEnv(duration=0.02).mechanism, scene, 1e4), surroundings_of(scene)
+    box = model.body(scene)
+    np.testing.assert_allclose(drawn.pose.translation, box.pos)
+    np.testing.assert_allclose(drawn.solid.size, 2.0 * model.geom_size[box.geomadr[0]])  # type: ignore[union-attr]
+    assert surroundings_of("air") == ()
 
 
 def test_the_tool_goes_where_the_task_says_over_a_table_on_a_spring() -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from adaptctl.arrays import Array, checked
 from adaptctl.caching import cached_property
 from adaptctl.control.excitation.torque_uncertainty import OPEN_SHARE, torque_uncertainty
+from adaptctl.description.visual import Visual
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.joint_units import error_unit, position_units
 from adaptctl.errors import InputError
@@ -218,6 +219,8 @@ class Comparison:
     error_bound : numpy.ndarray, optional
         Tracking errors (r,) in rad (m) beyond which the environment ends a run, as the verdict states. Default: not
         stated.
+    surroundings : tuple of Visual, optional
+        Shapes beside the arm, fixed to the ground and without meshes, as the recording shows them. Default: none.
 
     Raises
     ------
@@ -256,6 +259,7 @@ class Comparison:
     expected: Mapping[Failure, str] = field(default_factory=dict)
     live: InPage | str = ""
     error_bound: Array | None = None
+    surroundings: tuple[Visual, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.runs or len(self.runs[0].rollout.time) == 0:

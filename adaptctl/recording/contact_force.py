@@ -31,8 +31,10 @@ def contact_forces(rollout: Rollout) -> Array:
 
 
 def contact_points(rollout: Rollout) -> Array:
-    """Points (T, 3) in m at which the forces act, in the world's frame; zeros where nothing is touched."""
-    return _columns(rollout, TOUCH_FLAGS[3:])
+    """Points (T, 3) in m at which the forces act, in the world's frame; the latest where nothing is touched."""
+    closed = np.any(_columns(rollout, TOUCH_FLAGS[:3]), axis=1)
+    latest = np.maximum.accumulate(np.where(closed, np.arange(len(rollout.time)), 0))
+    return _columns(rollout, TOUCH_FLAGS[3:])[latest]
 
 
 def _columns(rollout: Rollout, names: tuple[str, ...]) -> Array:

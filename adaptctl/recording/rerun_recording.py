@@ -28,7 +28,7 @@ from adaptctl.recording.judgement import (
     outcome_words,
 )
 from adaptctl.recording.page import Lines, Report, Table, answers_table
-from adaptctl.recording.scene import WORLD, entity, log_arm, log_arrows, log_base, log_path, log_trail
+from adaptctl.recording.scene import WORLD, entity, log_arm, log_arrows, log_base, log_path, log_surroundings, log_trail
 from adaptctl.recording.skeleton import Skeleton, Viewpoint, floor_height, skeleton
 from adaptctl.recording.stream import Curves, in_decades, levels, log_curves, log_markdown, of_joints, saved_stream
 from adaptctl.recording.summary import properties
@@ -74,6 +74,7 @@ def log_scene(
     """Draw the arms of a comparison: the subject solid, desired motion and baseline as ghosts."""
     mechanism, subject, baseline = comparison.mechanism, comparison.subject, comparison.baseline
     log_base(recording, mechanism, parts, floor, f"{within}base")
+    log_surroundings(recording, f"{within}surroundings", comparison.surroundings)
     every = thinned(len(subject.rollout.time), MAX_POSES)
     time, desired = subject.rollout.time[every], subject.rollout.reference_p[every]
     goal = log_arm(recording, f"{within}desired", mechanism, parts, time, desired, GOAL, ghost=True)

@@ -82,8 +82,9 @@ def log_trail(recording: rr.RecordingStream, name: str, time: Array, path: Array
 def log_arrows(
     recording: rr.RecordingStream, name: str, time: Array, points: Array, forces: Array, reach: float, color: Color
 ) -> None:
-    """Draw forces (T, 3) in N as an arrow from points (T, 3), a third of the arm's reach for the largest."""
-    arrow = rr.Arrows3D(vectors=[[0, 0, reach / 3]], radii=[reach / 90], colors=[color])
+    """Draw forces (T, 3) in N as an arrow to points (T, 3), a third of the arm's reach for the largest."""
+    length = [0, 0, reach / 3]  # from outside of the arm, whose links would hide one from the point on
+    arrow = rr.Arrows3D(origins=[np.negative(length)], vectors=[length], radii=[reach / 90], colors=[color])
     recording.log(f"{WORLD}/{name}", arrow, static=True)
     sizes = np.linalg.norm(forces, axis=1)
     # An arrow of its own for each time would be drawn for all times of the trail's 4 s: poses are only the latest.
@@ -93,6 +94,11 @@ def log_arrows(
         scale=np.repeat(np.maximum(sizes / sizes.max(), LEAST_SCALE)[:, None], 3, axis=1),
     )
     recording.send_columns(f"{WORLD}/{name}", [rr.TimeColumn(TIMELINE, duration=time)], moved)
+
+
+def log_surroundings(recording: rr.RecordingStream, name: str, surroundings: Sequence[Visual]) -> None:
+    """Draw what stands beside an arm, translucent, so that it hides neither arm nor force."""
+    _log_visuals(recording, f"{WORLD}/{name}", [(one, b"") for one in surroundings], BODY, ghost=True)
 
 
 def log_path(recording: rr.RecordingStream, name: str, path: Array, color: Color) -> None:
