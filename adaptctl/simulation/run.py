@@ -175,7 +175,7 @@ class Rollout:
         Raises
         ------
         InputError
-            If the names are not r different ones, or the file is not a .parquet.
+            If the names are not r different ones, or the file's name ends as another format's.
         FileError
             If the file cannot be written.
         MissingExtraError
@@ -191,7 +191,7 @@ class Rollout:
         >>> adaptctl.Rollout.load(tmp / "run.parquet").p.shape
         (200, 2)
         """
-        if Path(path).suffix != ".parquet":
+        if Path(path).suffix not in ("", ".parquet"):
             table = f"pyarrow.csv.write_csv(run.to_arrow(), {str(path)!r})"
             raise InputError(f"save: expected a file name that ends in .parquet, got {str(path)!r}; as text: {table}")
         with RolloutFile(path, self.p.shape[1], joints, self.position_units) as file:
