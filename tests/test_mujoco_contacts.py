@@ -10,7 +10,9 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from comparisons import comparison
 from nightly import nightly
+from rerun.chunk import RrdReader
 
 import adaptctl
 from adaptctl.cli.main import main
@@ -24,6 +26,9 @@ from adaptctl.experiments.contact import Contact
 from adaptctl.experiments.push_findings import answer_of_push, findings_of_push
 from adaptctl.recording import ControllerRun
 from adaptctl.recording.contact_force import contact_forces, contact_points
+from adaptctl.recording.rerun_recording import write_recording
+from adaptctl.recording.summary import summary
+from adaptctl.recording.touches import touches
 from adaptctl.simulation import HandPush
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant, clear_of_contacts, contacts_along, contacts_at
 
@@ -306,8 +311,31 @@ def test_what_a_push_leaves_behind_is_told() -> None:
         "parameter_error_after.law": pytest.approx(100.0),
         "felt_after.law": 1.0,
     }
+    assert touches(told, ["a", "b", "c"]) == []
     assert answer_of_push(found, [told]) == "After the push, the RMS errors of joints in 2 s are 2 mrad (Law)."
     assert answer_of_push([], [told]) is None
+
+
+def test_touches_are_events_in_summary_and_recording(tmp_path: Path) -> None:
+    """Above the level from 2 to 4 s, with a gap of 0.5 s, and from 6 to 7 s; in samples of 0.1 s."""
+    time = 0.1 * np.arange(100)
+    felt = np.where((time > 1.95) & (time < 4.05) & (abs(time - 3.0) > 0.25) | (time > 5.95) & (time < 7.05), 3.0, 0.2)
+    made = comparison(adaptctl.load("two_link"), samples=100)
+    rollout = replace(
+        made.subject.rollout, time=time, logged_state=np.stack([0 * time, 0 * time, -felt, time**0, time**0], 1)
+    )
+    touched = replace(made.subject, law="SlotineLi + GuardedLearning", rollout=rollout)
+    shown = replace(made, runs=(touched, *made.runs[1:]), surroundings=surroundings_of("wall"))
+    found = summary(shown)["runs"]["adaptive"]["touches"]
+    assert [(round(one["start"], 9), round(one["end"], 9), one["joint"], one["torque"]) for one in found] == [
+        (2.0, 4.0, "elbow", -3.0),
+        (6.0, 7.0, "elbow", -3.0),
+    ]
+    write_recording(tmp_path / "recording.rrd", shown)
+    chunks = {str(chunk.entity_path): chunk for chunk in RrdReader(tmp_path / "recording.rrd").store().stream()}
+    said = chunks["/touches"].to_record_batch()["TextLog:text"].flatten().to_pylist()
+    assert said == ["touched: elbow feels -3 N·m", "touch ends"] * 2
+    assert "/world/surroundings/visual/0" in chunks
 
 
 @nightly

@@ -32,6 +32,8 @@ from adaptctl.recording.scene import WORLD, entity, log_arm, log_arrows, log_bas
 from adaptctl.recording.skeleton import Skeleton, Viewpoint, floor_height, skeleton
 from adaptctl.recording.stream import Curves, in_decades, levels, log_curves, log_markdown, of_joints, saved_stream
 from adaptctl.recording.summary import properties
+from adaptctl.recording.touches import touches
+from adaptctl.recording.views import TIMELINE
 from adaptctl.recording.wording import error, parameter_unit, torque_units, typeset
 
 # Controllers whose small views have no room for a legend of joints, whose colours are those of the overview
@@ -60,6 +62,7 @@ def write_recording(path: str | Path, comparison: Comparison) -> None:
         log_scene(recording, comparison, parts, floor, run_color(0))
         log_curves(recording, _curves(comparison))
         _log_spectrum(recording, comparison)
+        _log_touches(recording, comparison)
         log_markdown(recording, "basis/equations", _equations(comparison))
 
 
@@ -160,6 +163,18 @@ def _log_spectrum(recording: rr.RecordingStream, comparison: Comparison) -> None
             recording.log(f"basis/spectrum/{name}", bars, static=True)
 
 
+def _log_touches(recording: rr.RecordingStream, comparison: Comparison) -> None:
+    """Events at which touches of the subject begin and end."""
+    found = touches(comparison.subject, comparison.joint_names)
+    units = dict(zip(comparison.joint_names, torque_units(comparison.mechanism), strict=True))
+    begins = [(one.start, f"touched: {one.joint} feels {one.torque:.2g} {units[one.joint]}") for one in found]
+    events = sorted([*begins, *((one.end, "touch ends") for one in found)])
+    if events:
+        time, said = zip(*events, strict=True)
+        columns = rr.TextLog.columns(text=said, level=["WARN"] * len(said))
+        recording.send_columns("touches", [rr.TimeColumn(TIMELINE, duration=time)], columns)
+
+
 def blueprint(comparison: Comparison, parts: Skeleton) -> rrb.Blueprint:
     """Layout of a comparison's recording, in tabs."""
     end, joints = comparison.subject.duration, comparison.joint_names
@@ -192,7 +207,10 @@ def blueprint(comparison: Comparison, parts: Skeleton) -> rrb.Blueprint:
 def _overview(comparison: Comparison, viewpoint: Viewpoint) -> rrb.Container:
     end, task_error, rise = comparison.subject.duration, comparison.task_error, comparison.subject.lyapunov_max_increase
     arm = views.arm(WORLD, "The arm · desired: green ghost · adaptation off: orange ghost", viewpoint)
-    left = rrb.Vertical(arm, views.text("summary", "Summary"), row_shares=[11, 9])
+    below = [views.text("summary", "Summary")]
+    if touches(comparison.subject, comparison.joint_names):
+        below.append(rrb.TextLogView(origin="/touches", name="Touches"))
+    left = rrb.Vertical(arm, *below, row_shares=[11, *[9 // len(below)] * len(below)])
     title = f"{task_error.meaning}, log10 [{task_error.unit}]" if task_error else ""
     curves = [views.curves("/task_error", title, end, room=views.LONG_LEGEND)] if task_error else []
     curves += _error_views(comparison, legend=True)[: 2 - len(curves)]

@@ -12,6 +12,7 @@ from adaptctl.files import finite_or_none, hashed
 from adaptctl.recording.comparison import Comparison
 from adaptctl.recording.controller_run import ControllerRun
 from adaptctl.recording.judgement import judged
+from adaptctl.recording.touches import touches
 from adaptctl.version import __version__
 
 SCHEMA, CHECKSUM = "adaptctl/summary/4", "sha256"
@@ -99,6 +100,7 @@ def _run(run: ControllerRun, comparison: Comparison) -> dict[str, Any]:
         **_errors(run),
         "clipped_steps": comparison.limited_steps(run),
         "lyapunov_max_increase": run.lyapunov_max_increase,
+        "touches": [touch._asdict() for touch in touches(run, comparison.joint_names)],
         "tick": asdict(run.cost) if run.cost else None,
         "wall_time": run.rollout.wall_time,
     }
