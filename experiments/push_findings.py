@@ -34,9 +34,10 @@ def findings_of_push(push: HandPush, run: ControllerRun, distance: Callable[[Arr
 
 
 def answer_of_push(findings: Sequence[Finding], runs: Sequence[ControllerRun]) -> str | None:
-    """Sentence on the errors after a push; None without one."""
+    """Sentence on the errors after a push; None without one, or where no run goes on after it."""
     values = {finding.name: finding.value for finding in findings}
-    errors = [f"{number(values[f'error_after.{run.name}'])} mrad ({run.label})" for run in runs if findings]
+    after = [(values.get(f"error_after.{run.name}", np.nan), run.label) for run in runs]
+    errors = [f"{number(value)} mrad ({label})" for value, label in after if np.isfinite(value)]
     return f"After the push, the RMS errors of joints in {WINDOW:g} s are {', '.join(errors)}." if errors else None
 
 

@@ -314,6 +314,8 @@ def test_what_a_push_leaves_behind_is_told() -> None:
     assert touches(told, ["a", "b", "c"]) == []
     assert answer_of_push(found, [told]) == "After the push, the RMS errors of joints in 2 s are 2 mrad (Law)."
     assert answer_of_push([], [told]) is None
+    unended = list(findings_of_push(HandPush([0.0, 20.0, 0.0], 3.0, 30.0), told, lambda x: abs(float(x[0]))))
+    assert answer_of_push(unended, [told]) is None
 
 
 def test_touches_are_events_in_summary_and_recording(tmp_path: Path) -> None:
