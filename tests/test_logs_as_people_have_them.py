@@ -160,6 +160,11 @@ def test_topics_in_rows_of_their_own_are_joined_by_straight_lines(tmp_path: Path
         (lines(ROWS), {"columns": BY_NUMBER | {"torque": "6-8"}}, "columns: 6-8: expected numbers from 1 to 7"),
         (lines(ROWS), {"columns": BY_NUMBER | {"torque": "5-7"}}, "torque: 5-7 has 3 columns, but the robot 2 joints"),
         (lines([*ROWS[:9], ["7"], *ROWS[9:]], ["time", *HEAD]), {}, r"line 11 has 1 cells, not 7: '7'"),
+        (
+            lines([*ROWS[:9], ["0.5", '"7', *ROWS[9][2:]], *ROWS[10:]], ["time", *HEAD]),
+            {},
+            "line 11 opens a quotation mark that is not closed: '0.5,",
+        ),
         (lines([[*row[:6], "ERR"] for row in ROWS], ["time", *HEAD]), {}, r"'effort.j1'.*its first text is 'ERR'"),
         (lines(CELLS, HEAD), {}, "no column 'time' for the time; specify it: --columns time=NAME, or the rate"),
         (lines(ROWS, ["time", *HEAD]), {"position": "counts"}, "for counts, a unit over their number, such as rev/"),

@@ -325,6 +325,10 @@ OUTSIDE = '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/hostname">]>'
             "link 'arm': value of <mass>: expected a finite number, got",
         ),
         (
+            ROBOT.replace('mass value="2"', f'mass value="{"9" * 400}"'),
+            r"link 'arm': value of <mass>: expected a finite number, got '9{30,40}\.\.\.9{30,40}'",
+        ),
+        (
             ROBOT.replace('mass value="2"', 'mass value="inf"'),
             "link 'arm': value of <mass>: expected a finite number, got",
         ),

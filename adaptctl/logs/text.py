@@ -207,9 +207,10 @@ def _passed_over(path: str | Path, form: _Form, odd: list[tuple[int, str]]) -> l
     if len(others) == 1 and others[0][0] < form.count and _ends_with(path, others[0][1]):
         return [*notes, "the last line, which is cut off, was left out"]
     for count, text in others[:1]:
-        where = _line_number(path, text)
+        first, *more = text.splitlines()
+        why = "opens a quotation mark that is not closed" if more else f"has {count} cells, not {form.count}"
         raise FileError(
-            f"{path}: not a text table (line {where} has {count} cells, not {form.count}: {printable(repr(text[:60]))})"
+            f"{path}: not a text table (line {_line_number(path, first)} {why}: {printable(repr(first[:60]))})"
         )
     return notes
 

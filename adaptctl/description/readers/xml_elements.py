@@ -11,7 +11,7 @@ from typing import NoReturn
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
-from adaptctl.errors import InputError, printable
+from adaptctl.errors import InputError, printable, shown
 from adaptctl.files import decoded, read_bytes
 
 MAX_ELEMENTS, MAX_DEPTH = 50_000, 600
@@ -185,9 +185,9 @@ def numbers(element: Element, name: str, count: int | range, where: str, largest
     except ValueError:
         values = []
     if len(values) not in counts or not all(map(math.isfinite, values)):
-        refuse(element, f"{where}: {name} of <{element.tag}>: expected {_wanted(counts)}, got {text!r}")
+        refuse(element, f"{where}: {name} of <{element.tag}>: expected {_wanted(counts)}, got {shown(text)}")
     if max(map(abs, values)) > largest:
-        refuse(element, f"{where}: {name} of <{element.tag}>: expected at most {largest:g}, got {text!r}")
+        refuse(element, f"{where}: {name} of <{element.tag}>: expected at most {largest:g}, got {shown(text)}")
     return values
 
 
