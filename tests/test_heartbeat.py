@@ -78,13 +78,11 @@ def piped(program: str) -> tuple[str, list[str]]:
     return done.stdout, done.stderr.splitlines()
 
 
-def test_elsewhere_lines_follow_and_more_rarely_later() -> None:
+def test_elsewhere_lines_follow() -> None:
     out, lines = piped("beat.doing('gains'); time.sleep(1.0); print('result'); beat.stop()")
     assert out == "result\n"
     assert set(lines) <= {"adaptctl: gains, 0 s", "adaptctl: gains, 1 s"}
     assert 3 <= len(lines) <= 8
-    _, lines = piped("module.SHARE = 1.0; time.sleep(1.1); beat.stop()")  # at 0.2, 0.4, 0.8 and 1.6 s
-    assert 1 <= len(lines) <= 4
 
 
 def test_it_can_be_turned_off(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,15 +14,13 @@ PATIENCE = 0.8
 """s without output after which a line tells what is computed"""
 REDRAWN = 0.5
 """s between changes of that line, on a terminal"""
-SHARE, LONGEST_PAUSE = 1.0 / 60.0, 10.0
-"""of the time so far, and s: between lines where there is no terminal, so that a night of them is no long file"""
 STDERR = 2
 CONTROL = re.compile(rb"\x1b\[[0-9;?]*[A-Za-z]")
 """what moves, colours or erases on a terminal, and prints nothing"""
 
 
 class Heartbeat:
-    """Thread that tells on stderr what is computed: on a terminal in a line that goes, elsewhere in rarer lines."""
+    """Thread that tells on stderr what is computed: on a terminal in a line that goes, elsewhere in lines."""
 
     def __init__(self) -> None:
         self._what, self._shown, self._within_line = "working", False, False
@@ -86,7 +84,7 @@ class Heartbeat:
                     self._shown = True
 
     def _in_lines(self) -> None:
-        while not self._stopped.wait(min(max(PATIENCE, SHARE * (monotonic() - self._started)), LONGEST_PAUSE)):
+        while not self._stopped.wait(PATIENCE):
             self._put(f"{self._text()}\n")
 
 
