@@ -12,6 +12,7 @@ from scipy.linalg import expm
 from scipy.optimize import least_squares
 
 import adaptctl
+from adaptctl.description.drive import Drive
 from adaptctl.description.inertia import from_pseudo_inertia, is_physically_consistent, pseudo_inertia
 from adaptctl.errors import InputError, MissingExtraError, NotFoundError
 from adaptctl.identifiability import ConsistentBodies
@@ -94,6 +95,9 @@ def test_a_start_of_other_bodies_is_refused() -> None:
         ConsistentBodies.of(basis, [[1, 0, 0, 0, 1, 0, 1, 0, 0, 1], [1, 0, 0, 0, 1, 0, 1, 0, 0, 3]])
     with pytest.raises(InputError, match=r"start: expected shape \(2, 10\) for this basis, got \(1, 10\)"):
         ConsistentBodies.of(basis, np.ones(10))
+    geared = adaptctl.load("two_link").with_drives(Drive(rotor_inertia=0.1))
+    with pytest.raises(InputError, match="basis: expected that of links alone; take rotor inertias off"):
+        ConsistentBodies.of(adaptctl.fundamental_basis(adaptctl.essential_space(geared)), np.ones((2, 10)))
 
 
 def test_the_start_moves_as_the_specification(arm: MujocoBodies) -> None:
@@ -141,6 +145,10 @@ def test_what_base_parameters_do_not_cover_is_refused(old: str, new: str, messag
 
 
 def test_wrong_arguments_are_named(arm: MujocoBodies, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(NotFoundError, match="spec: there is no body 'upper'"):
+        arm.write(mujoco.MjSpec.from_string("<mujoco/>"), np.zeros(arm.bodies.size))
+    with pytest.raises(InputError, match="spec: expected a MjSpec, as"):
+        MujocoBodies.of("arm.xml")
     with pytest.raises(NotFoundError, match="uper"):
         MujocoBodies.of(mujoco.MjSpec.from_string(ARM), "uper")
     with pytest.raises(InputError, match=r"coordinates: expected shape \(..., \d+\), got \(2,\)"):

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked
 from adaptctl.description.inertia import TEN_OF_PSEUDO_INERTIA, UNIT_PSEUDO_INERTIAS
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, validate_kind
 from adaptctl.identifiability.fundamental_basis import FundamentalBasis
 
 # Share of the multipliers in the coordinates: those that no bodies have still have a solution.
@@ -82,10 +82,13 @@ class ConsistentBodies:
         InputError
             If the basis has other parameters than those of N links, or a link of the start is not consistent.
         """
+        validate_kind(basis, FundamentalBasis, "basis", "as fundamental_basis(essential_space(mechanism)) is one")
         tens = np.atleast_2d(checked(start, 10, "start"))
         k, columns = basis.regrouping.shape
-        if tens.shape != (columns // 10, 10) or columns % 10:
-            raise InputError(f"start: expected shape ({columns / 10:g}, 10) for this basis, got {tens.shape}")
+        if columns % 10:
+            raise InputError("basis: expected that of links alone; take rotor inertias off: with_drives(Drive())")
+        if tens.shape != (columns // 10, 10):
+            raise InputError(f"start: expected shape ({columns // 10}, 10) for this basis, got {tens.shape}")
         matrices = np.einsum("na,aij->nij", tens, UNIT_PSEUDO_INERTIAS)
         bad = np.flatnonzero(~(np.linalg.eigvalsh(matrices)[:, 0] > 0.0))
         if bad.size:

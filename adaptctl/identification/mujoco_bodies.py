@@ -15,10 +15,10 @@ from adaptctl.description.drive import Drive
 from adaptctl.description.inertia import transformed
 from adaptctl.description.link import GROUND
 from adaptctl.description.pose import Pose, quaternion_rotation, rotation_quaternions
-from adaptctl.description.readers.mujoco_arm import MujocoArm
+from adaptctl.description.readers.mujoco_arm import MujocoArm, mujoco_package
 from adaptctl.description.writers.mujoco_model import principal_axes
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError, MissingExtraError
+from adaptctl.errors import InputError, MissingExtraError, NotFoundError, validate_kind
 from adaptctl.identifiability import ConsistentBodies, essential_space, fundamental_basis
 from adaptctl.identification.entropic import prior_links
 
@@ -93,6 +93,7 @@ class MujocoBodies:
         RankError
             If the number of base parameters cannot be certified.
         """
+        validate_kind(spec, mujoco_package().MjSpec, "spec", "as mujoco.MjSpec.from_file(...) gives one")
         arm = MujocoArm.of(spec.compile(), body)
         links = tuple(arm.links())
         _validate(arm, spec)
@@ -119,7 +120,12 @@ class MujocoBodies:
         ------
         InputError
             If the coordinates are not k finite numbers.
+        NotFoundError
+            If the specification has no body of one of the names.
         """
+        for name in (*(name for name, _ in self.places), *self.fixed):
+            if spec.body(name) is None:
+                raise NotFoundError(f"spec: there is no body {name!r}; give the specification of the same arm")
         for (name, place), ten in zip(self.places, self.bodies.at(coordinates), strict=True):
             _write_body(spec.body(name), transformed(ten, place.inverse))
         for name in self.fixed:
