@@ -129,9 +129,7 @@ def test_the_headline_is_of_the_written_file(folder: Path) -> None:
     times = piece.time[smooth.first + smooth.every * np.arange(len(smooth.position))][inner]
     cutoff = summary["validation"]["cutoff"]
     for name in ("robot.toml", "robot.urdf", "robot.xml"):
-        torque = load(folder / name).inverse_dynamics(
-            smooth.position[inner], smooth.velocity[inner], smooth.acceleration()
-        )
+        torque = load(folder / name).inverse_dynamics(*smooth.states())
         kernel = low_pass(cutoff, smooth.rate)
         slow, half = filtered(torque, kernel), len(kernel) // 2
         found = np.stack([np.interp(time, times[half : half + len(slow)], column) for column in slow.T], axis=-1)

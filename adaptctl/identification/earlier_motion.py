@@ -13,7 +13,7 @@ from adaptctl.identification.columns import JointLog, joint_columns, joint_log
 from adaptctl.identification.drives_file import Drives
 from adaptctl.identification.filtered_dynamics import motions_of
 from adaptctl.identification.log_files import read_log
-from adaptctl.identification.preparation import DIFFERENCE_MARGIN, prepare
+from adaptctl.identification.preparation import prepare
 
 # Hz, below the noise of encoders, which accelerations would take for excitation.
 CUTOFF = 10.0
@@ -39,10 +39,8 @@ def earlier_motion(mechanism: Mechanism, logs: Sequence[JointLog]) -> Motion:
     pieces = [piece for log in logs for piece in prepare(log, mechanism)[0]]
     parts: list[Motion] = []
     for motion in motions_of(pieces, CUTOFF):
-        inner = slice(DIFFERENCE_MARGIN, -DIFFERENCE_MARGIN)
         every = max(1, round(motion.rate / INDEPENDENT_ROW_RATE))
-        states = motion.position[inner], motion.velocity[inner], motion.acceleration()
-        p, v, a = (values[::every] for values in states)
+        p, v, a = (values[::every] for values in motion.states())
         parts.append((p, v, a))
     p, v, a = (np.concatenate(each) for each in zip(*parts, strict=True))
     return p, v, a

@@ -21,6 +21,7 @@ from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.gathering import gathered
 from adaptctl.identification.least_squares import weighted_least_squares
 from adaptctl.identification.log_files import read_log
+from adaptctl.identification.preparation import DIFFERENCE_MARGIN
 from adaptctl.recording.page import SHEU_WALKER, Report, Section, Table
 from adaptctl.recording.result import Fact, Progress, silent
 
@@ -133,10 +134,9 @@ def _until(motion: SmoothMotion, end: float) -> SmoothMotion:
 
 def _torques(evidence: LogEvidence, x: Array) -> Array:
     (motion,) = evidence.motions
-    inner = slice(2, -2)
-    p, v, a = motion.position[inner], motion.velocity[inner], motion.acceleration()
+    p, v, a = motion.states()
     torque = evidence.mechanism.with_parameters(x).inverse_dynamics(p, v, a)
-    times = motion.log.time[motion.first :: motion.every][: len(motion.position)][inner]
+    times = motion.log.time[motion.first :: motion.every][: len(motion.position)][DIFFERENCE_MARGIN:-DIFFERENCE_MARGIN]
     return np.stack([np.interp(motion.log.time, times, column) for column in torque.T], axis=-1)
 
 

@@ -119,9 +119,10 @@ class SmoothMotion:
         rise = [np.interp(times + delay, at, own) - np.interp(times, at, own) for own in signal.T]
         return np.stack(rise, axis=-1), np.stack([np.interp(times + delay, at, own) for own in rates.T], axis=-1)
 
-    def acceleration(self) -> Array:
-        """Accelerations (M - 4, r) from differences of the smoothed velocities."""
-        return filtered(self.velocity, derivative(np.ones(1), self.rate))
+    def states(self) -> tuple[Array, Array, Array]:
+        """Positions, velocities and accelerations (M - 4, r), these from differences of the smoothed velocities."""
+        inner = slice(DIFFERENCE_MARGIN, -DIFFERENCE_MARGIN)
+        return self.position[inner], self.velocity[inner], filtered(self.velocity, derivative(np.ones(1), self.rate))
 
     def rows(self, mechanism: Mechanism, cutoffs: Sequence[float]) -> list[Rows]:
         """Rows for each cut-off (Hz), about four in its period."""
