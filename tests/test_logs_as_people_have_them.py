@@ -130,6 +130,33 @@ def test_utf_16_is_read(tmp_path: Path) -> None:
     np.testing.assert_allclose(joint_log_of(tmp_path / "log.csv").position, Q, atol=1e-8)
 
 
+@pytest.mark.parametrize("mark", [b"\xff\xfe", b"\xfe\xff"])
+@pytest.mark.parametrize("between", [",", " "])
+@pytest.mark.parametrize("lost", [0, 1])
+def test_a_cut_last_line_of_utf_16_is_left_out(mark: bytes, between: str, lost: int, tmp_path: Path) -> None:
+    text = lines([*ROWS, ROWS[0][:2]], ["time", *HEAD], mark=between).rstrip()
+    cut = mark + text.encode("utf-16-le" if mark == b"\xff\xfe" else "utf-16-be")
+    (tmp_path / "log.csv").write_bytes(cut[: len(cut) - lost])
+    found = read_log(tmp_path / "log.csv")
+    assert len(found) == len(ROWS)
+    assert found.notes == ("the last line, which is cut off, was left out",)
+
+
+def test_long_utf_16_is_read_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("adaptctl.logs.text.HEAD", 3000)
+    (tmp_path / "log.csv").write_bytes(b"\xfe\xff" + lines(ROWS, ["time", *HEAD]).encode("utf-16-be"))
+    assert len(read_log(tmp_path / "log.csv")) == len(ROWS)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+@pytest.mark.parametrize("ending", ["\n", "\r\n", "\r"])
+def test_a_wrong_line_is_named_by_its_own_number(encoding: str, ending: str, tmp_path: Path) -> None:
+    text = lines([*ROWS[:9], ["arm", "left"], *ROWS[9:]], ["arm", "left"], ["time", *HEAD])
+    (tmp_path / "log.csv").write_bytes(text.replace("\n", ending).encode(encoding))
+    with pytest.raises(FileError, match="line 12 has 2 cells, not 7: 'arm,left'"):
+        read_log(tmp_path / "log.csv")
+
+
 def test_topics_in_rows_of_their_own_are_joined_by_straight_lines(tmp_path: Path) -> None:
     with (tmp_path / "log.csv").open("w", newline="") as file:
         writer = csv.writer(file)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import math
 import re
 from dataclasses import dataclass, replace
@@ -68,12 +69,9 @@ def read_delimited(path: str | Path) -> LogTable:
 
 def _lines(sample: bytes, encoding: str) -> list[str]:
     """Whole lines at the beginning of a file, the last one too where the file ends with it."""
-    whole = sample if len(sample) < HEAD or b"\n" not in sample else sample[: sample.rindex(b"\n")]
-    try:
-        return whole.decode(encoding).replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    except UnicodeDecodeError as error:
-        name = "utf-8" if encoding == "utf-8-sig" else encoding
-        raise UnicodeDecodeError(name, error.object, error.start, error.end, error.reason) from error
+    text = codecs.getincrementaldecoder(encoding)().decode(sample)
+    whole = text if len(sample) < HEAD or "\n" not in text else text[: text.rindex("\n")]
+    return whole.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
 def cells(line: str, mark: str) -> list[str]:
@@ -167,7 +165,7 @@ def _read(path: str | Path, form: _Form, encoding: str) -> tuple[Any, list[str]]
 
     try:
         read = read_csv(
-            _rewritten(path, encoding) if form.mark == " " else path,
+            _source(path, form, encoding),
             read_options=ReadOptions(
                 skip_rows=form.skipped,
                 column_names=form.names,
@@ -187,47 +185,54 @@ def _read(path: str | Path, form: _Form, encoding: str) -> tuple[Any, list[str]]
                 f"{path}: no rows of numbers; expected a line of column names and one line per sample"
             ) from error
         raise FileError(f"{path}: not a text table ({printable(str(error).splitlines()[0])})") from error
-    return read, _passed_over(path, form, odd)
+    return read, _passed_over(path, form, encoding, odd)
 
 
-def _rewritten(path: str | Path, encoding: str) -> BytesIO:
-    """Content of a file with one tab for the blanks between numbers."""
-    if Path(path).stat().st_size > MAX_SPACED:
+def _source(path: str | Path, form: _Form, encoding: str) -> Any:
+    """File, or its content: without half a character at the end, and with one tab for the blanks between numbers."""
+    import pyarrow as pa
+
+    size = Path(path).stat().st_size
+    if form.mark == " ":
+        return _rewritten(path, size, encoding)
+    if encoding == "utf-16" and size % 2:
+        return pa.BufferReader(pa.memory_map(str(path)).read_buffer(size - 1))
+    return path
+
+
+def _rewritten(path: str | Path, size: int, encoding: str) -> BytesIO:
+    if size > MAX_SPACED:
         raise FileError(f"{path}: more than {MAX_SPACED} bytes with blanks between numbers; use commas, or split it")
-    text = Path(path).read_bytes().decode(encoding)
+    text = codecs.getincrementaldecoder(encoding)().decode(Path(path).read_bytes())
     rows = re.sub(r"[ \t]+", "\t", re.sub(r"^[ \t]+|[ \t]+$", "", text, flags=re.MULTILINE))
     return BytesIO(rows.encode("utf-16" if encoding == "utf-16" else "utf-8"))
 
 
-def _passed_over(path: str | Path, form: _Form, odd: list[tuple[int, str]]) -> list[str]:
+def _passed_over(path: str | Path, form: _Form, encoding: str, odd: list[tuple[int, str]]) -> list[str]:
     """Notes on comments and a last line that was cut off; `FileError` for other lines of another length."""
     comments = [text for _, text in odd if COMMENT.match(text)]
     others = [(count, text) for count, text in odd if not COMMENT.match(text)]
     notes = [f"{len(comments)} lines of comments left out"] if comments else []
-    if len(others) == 1 and others[0][0] < form.count and _ends_with(path, others[0][1]):
-        return [*notes, "the last line, which is cut off, was left out"]
     for count, text in others[:1]:
         first, *more = text.splitlines()
+        number, last = _place(path, form, encoding, first)
+        if len(others) == 1 and count < form.count and last and not more:
+            return [*notes, "the last line, which is cut off, was left out"]
         why = "opens a quotation mark that is not closed" if more else f"has {count} cells, not {form.count}"
-        raise FileError(
-            f"{path}: not a text table (line {_line_number(path, first)} {why}: {printable(repr(first[:60]))})"
-        )
+        raise FileError(f"{path}: not a text table (line {number} {why}: {printable(repr(first[:60]))})")
     return notes
 
 
-def _ends_with(path: str | Path, text: str) -> bool:
-    with Path(path).open("rb") as file:
-        file.seek(max(0, Path(path).stat().st_size - len(text.encode()) - 1000))
-        end = file.read().decode("utf-8", "ignore").rstrip()
-    return "\t".join(end.splitlines()[-1:]).split() == text.split()
-
-
-def _line_number(path: str | Path, text: str) -> str:
-    with Path(path).open("rb") as file:
-        for number, line in enumerate(file, 1):
-            if line.split() == text.encode().split():
-                return str(number)
-    return "?"
+def _place(path: str | Path, form: _Form, encoding: str, text: str) -> tuple[int | str, bool]:
+    """Number of the first line among the rows that reads so, and whether the file ends with it."""
+    number: int | str = "?"
+    with Path(path).open(encoding=encoding, errors="ignore") as file:
+        for i, line in enumerate(file, 1):
+            if number != "?" and line.strip():
+                return number, False
+            if i > form.skipped and number == "?" and line.split() == text.split():
+                number = i
+    return number, number != "?"
 
 
 def _column(name: str, column: Any) -> LogColumn:
