@@ -10,7 +10,7 @@ import pytest
 from adaptctl.cli import compiling
 from adaptctl.cli.compiling import Announcement
 from adaptctl.compilation import compile_function
-from adaptctl.compilation.watch import watched, watching
+from adaptctl.stages import stage, watching
 
 
 def announced(monkeypatch: pytest.MonkeyPatch, patience: float, *seconds: float) -> list[str]:
@@ -20,7 +20,7 @@ def announced(monkeypatch: pytest.MonkeyPatch, patience: float, *seconds: float)
     announcement = Announcement(lambda: told.append("shown"), lambda: told.append("hidden"))
     with watching(announcement):
         for each in seconds:
-            with watched():
+            with stage("compiling"):
                 time.sleep(each)
                 told.append("compiled")
     return told
@@ -39,7 +39,7 @@ def test_what_fails_hides_it_too(monkeypatch: pytest.MonkeyPatch) -> None:
     announcement = Announcement(lambda: told.append("s"), lambda: told.append("h"))
 
     def interrupted() -> None:
-        with announcement():
+        with announcement("compiling"):
             time.sleep(0.2)
             raise KeyboardInterrupt
 

@@ -22,8 +22,8 @@ beat.start()
 WORK = "beat.doing('gains'); time.sleep(0.4); print('result'); time.sleep(0.1); beat.stop()"
 OPEN_LINE = "print('Start? [y/N] ', end='', flush=True); time.sleep(0.5); print('y'); beat.stop()"
 COMPILED = """
-from adaptctl.compilation.watch import watched, watching
-with watching(beat.compiling), watched():
+from adaptctl.stages import stage, watching
+with watching(beat.during), stage("compiling to native code, which the next run finds in the cache"):
     time.sleep(0.5)
 beat.stop()
 """

@@ -6,7 +6,6 @@ import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -15,7 +14,6 @@ import pytest
 from random_trees import random_chain
 from synthetic_logs import known
 
-import adaptctl
 from adaptctl.cli.main import main
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import FileError, InputError, NotFoundError
@@ -375,19 +373,3 @@ def test_the_command_says_what_it_needs(tmp_path: Path, capsys: pytest.CaptureFi
     assert not (tmp_path / "out").exists()
     with pytest.raises(NotFoundError, match="unknown example 'ur5'; examples: tx40"), example("ur5"):
         pass
-
-
-@pytest.mark.parametrize("duration", [4.0, 6.0])
-def test_a_short_log_is_told_what_it_cannot_tell(tmp_path: Path, duration: float) -> None:
-    arm = adaptctl.load("two_link")
-    time = np.arange(0.0, duration, 0.01)
-    angle = 2.0 * np.pi * np.array([0.5, 0.7]) * time[:, None]
-    p, v = 0.5 * np.sin(angle), np.pi * np.array([0.5, 0.7]) * np.cos(angle)
-    a = -0.5 * (2.0 * np.pi * np.array([0.5, 0.7])) ** 2 * np.sin(angle)
-    rows = np.column_stack([time, p, arm.inverse_dynamics(p, v, a)])
-    header = "time,position.shoulder,position.elbow,torque.shoulder,torque.elbow"
-    np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header=header, comments="")
-    units = {"time": "s", "position": "rad", "torque": "N m"}
-    given: Any = {"units": units, "friction": "viscous", "cutoff": 12.5, "prior_weight": 1.0, "trust_log": True}
-    found = adaptctl.identify(tmp_path / "log.csv", arm, **given)
-    assert any("a short log, of" in note for note in found.warnings) == (duration < 5.0)

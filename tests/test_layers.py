@@ -24,6 +24,7 @@ ORDER = (
     "folders",
     "arrays",
     "markup",
+    "stages",
     "scalars",
     "compilation",
     "description",

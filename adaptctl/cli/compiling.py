@@ -18,7 +18,7 @@ class Announcement:
         self._show, self._hide, self._left, self._shown = show, hide, PATIENCE, False
 
     @contextmanager
-    def __call__(self) -> Iterator[None]:
+    def __call__(self, what: str) -> Iterator[None]:
         """Context manager of one compilation."""
         timer, started = Timer(max(self._left, 0.0), self._appear), perf_counter()
         timer.daemon = True

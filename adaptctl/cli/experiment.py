@@ -18,9 +18,9 @@ from adaptctl.cli.interruption import Interruption, interruptible
 from adaptctl.cli.numbers import plain_numbers
 from adaptctl.cli.output import Json, WrappedTable, print_json, print_outcome, print_parts
 from adaptctl.cli.settings_file import filled_in
-from adaptctl.compilation.watch import watching
 from adaptctl.errors import InputError
 from adaptctl.experiments import EXPERIMENTS, RENAMED, find, from_entry_point, from_file, offered
+from adaptctl.stages import watching
 
 if TYPE_CHECKING:
     from adaptctl.experiments.experiment import Experiment

@@ -23,7 +23,7 @@ class Heartbeat:
     """Thread that tells on stderr what is computed: on a terminal in a line that goes, elsewhere in lines."""
 
     def __init__(self) -> None:
-        self._what, self._shown, self._within_line = "working", False, False
+        self._what, self._shown, self._within_line = "starting", False, False
         self._started = self._last = monotonic()
         self._lock, self._stopped = threading.RLock(), threading.Event()
 
@@ -44,9 +44,9 @@ class Heartbeat:
         self._what = what
 
     @contextmanager
-    def compiling(self) -> Iterator[None]:
-        """Context manager of one compilation."""
-        before, self._what = self._what, "compiling to native code, which the next run finds in the cache"
+    def during(self, what: str) -> Iterator[None]:
+        """Context manager of one stage, which is named."""
+        before, self._what = self._what, what
         try:
             yield
         finally:

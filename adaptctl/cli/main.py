@@ -24,7 +24,6 @@ from cyclopts import (
 from adaptctl.cli.heartbeat import heartbeat
 from adaptctl.cli.numbers import plain_numbers
 from adaptctl.cli.robot import note_on
-from adaptctl.compilation.watch import watching
 from adaptctl.errors import (
     AdaptctlError,
     InputError,
@@ -37,6 +36,7 @@ from adaptctl.errors import (
 )
 from adaptctl.optional_packages import needed
 from adaptctl.renamed import NOW_DEFAULT, new_name
+from adaptctl.stages import watching
 
 DONE, FAILED, WRONG_INPUT, VERDICT, INTERRUPTED = 0, 1, 2, 3, 130
 WRONG_PATHS = (errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR)
@@ -110,7 +110,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if argv is None else argv)
     _write_any_character()
-    with _warnings_as_notes(), watching(heartbeat.compiling):
+    heartbeat.doing("working")
+    with _warnings_as_notes(), watching(heartbeat.during):
         try:
             with needed(_called(given[: 3 if given[:1] == ["experiment"] else 1])):
                 if given[:2] == ["experiment", "run"]:

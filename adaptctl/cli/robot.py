@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from adaptctl.errors import AdaptctlError, RoundedAnglesWarning, SimplificationWarning
+from adaptctl.stages import stage
 
 if TYPE_CHECKING:
     from adaptctl.description import Description
@@ -47,7 +48,8 @@ class RobotFlags:
         from adaptctl.dynamics import load
 
         choices = {name: getattr(self, name) for name in ("floating_base", "root", "as_written", "gravity")}
-        found = load(robot, **choices, lock=self.lock)
+        with stage("reading the robot"):
+            found = load(robot, **choices, lock=self.lock)
         if not found.inertial_parameters[: found.num_energy_parameters].any():
             text = "no link has an inertia: base parameters follow from the geometry alone, all else needs inertias"
             warnings.warn(f"{robot}: {text}", SimplificationWarning, stacklevel=2)

@@ -18,6 +18,7 @@ from adaptctl.identification.friction_model import ALWAYS, CANDIDATES, FrictionM
 from adaptctl.identification.least_squares import weighted_least_squares
 from adaptctl.identification.position_noise import clean_cutoffs
 from adaptctl.identification.springs import spring_kinds, told_kinds, untold_springs, validate_told
+from adaptctl.stages import stage
 
 NUM_FOLDS = 5
 NUM_BLOCKS = 20
@@ -53,6 +54,7 @@ class Choice:
     trials: tuple[FrictionTrial, ...]
 
 
+@stage("cross-validating friction, filter and prior")
 def choose(
     evidence: LogEvidence,
     friction: FrictionModel | None = None,

@@ -15,6 +15,7 @@ from adaptctl.identification.fit import Fit, FitSettings, LogEvidence
 from adaptctl.identification.friction_model import SIMPLE_FRICTION
 from adaptctl.identification.preparation import PreparationStep
 from adaptctl.identification.uncertainty import Student, inverse_curvature
+from adaptctl.stages import stage
 
 # Delays that are told apart, in s and in sampling periods; deviations of half an interval of 95 %, those that must be
 # less to tell them apart, and those from 0 from which on one is beyond doubt: friction that lags is worth seven.
@@ -106,6 +107,7 @@ def _settings(evidence: LogEvidence, springs: tuple[DriveParameter, ...]) -> Fit
     return FitSettings(FRICTION.also(springs), PRIOR_WEIGHT, evidence.band, SLOW)
 
 
+@stage("measuring the delay of torques")
 def delay_of(evidence: LogEvidence, springs: tuple[DriveParameter, ...] = ()) -> Delay:
     """Delay of the torques, fitted along with links, friction, rotors and offsets, by Gauss-Newton steps."""
     own = replace(evidence.sampled, rows={evidence.band: evidence.rows[evidence.band]})

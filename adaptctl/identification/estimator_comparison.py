@@ -24,6 +24,7 @@ from adaptctl.identification.log_files import read_log
 from adaptctl.identification.preparation import DIFFERENCE_MARGIN
 from adaptctl.recording.page import SHEU_WALKER, Report, Section, Table
 from adaptctl.recording.result import Fact, Progress, silent
+from adaptctl.stages import stage
 
 TEXT = (
     "Both estimators are fitted to the first part of one motion and predict its last part. The torques are those of a "
@@ -91,6 +92,7 @@ def validate_window(window: float) -> None:
         raise InputError(f"energy differences: expected windows of 0.01 to 2 s, got {window:g}")
 
 
+@stage("comparing estimators")
 def compared_estimators(
     log: str | Path, robot: str | Path | Mechanism, drives: str | Path, window: float = 0.1, seed: int = 0
 ) -> Amplification:

@@ -24,6 +24,7 @@ from adaptctl.identification.written import WrittenRobot, write_robots
 from adaptctl.recording.drawing import MUTED, joint_color, run_color, thinned
 from adaptctl.recording.page import Report
 from adaptctl.recording.wording import parameter_unit, torque_error_unit, torque_units
+from adaptctl.stages import stage
 from adaptctl.version import __version__
 
 ESTIMATES, VALIDATION = "estimates.json", "validation.parquet"
@@ -36,6 +37,7 @@ SUMMARY_SCHEMA, ESTIMATES_SCHEMA, VALIDATION_SCHEMA = (
 MAX_RECORDED_SAMPLES = 3000
 
 
+@stage("writing results")
 def write_identification(
     folder: str | Path, found: Identification, robot: str | Path | None = None, before: Mechanism | None = None
 ) -> tuple[WrittenRobot, ...]:

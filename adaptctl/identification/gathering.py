@@ -32,6 +32,7 @@ from adaptctl.identification.long_logs import LongEvidence, Stretches
 from adaptctl.identification.normal_equations import block_edges
 from adaptctl.identification.payloads import without_payloads
 from adaptctl.identification.preparation import PreparationStep, PreparedLog, prepare
+from adaptctl.stages import stage
 
 # Cut-offs of rows and of positions over the frequency below which the motion is, and the least of the latter in Hz.
 BAND_CUTOFF_RATIO, MOTION_CUTOFF_RATIO, MIN_MOTION_CUTOFF = 5.0, 16.0, 20.0
@@ -43,6 +44,7 @@ SHORT = (
 )
 
 
+@stage("filtering motions and torques")
 def gathered(
     mechanism: Mechanism,
     drives: Drives,

@@ -20,6 +20,7 @@ from adaptctl.identification.hypothesis_rows import HypothesisRows, relative_err
 from adaptctl.identification.listed_hypotheses import Hypothesis, listed_hypotheses
 from adaptctl.identification.normal_equations import NormalEquations
 from adaptctl.identification.preparation import PreparationStep
+from adaptctl.stages import stage
 
 # Error as the log is over that of a hypothesis from which on this is named.
 MARGIN = 1.5
@@ -76,6 +77,7 @@ AS_IS = "as is"
 
 
 @one_thread()
+@stage("comparing hypotheses about the columns")
 def compared_hypotheses(
     evidence: LogEvidence,
     delay: Delay,

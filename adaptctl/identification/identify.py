@@ -42,6 +42,7 @@ from adaptctl.identification.springs import is_answered, known_springs, left_out
 from adaptctl.identification.torque_constants import Completion, completed, is_complete, with_constants
 from adaptctl.identification.uncertainty import combinations, essential_components, uncertainty
 from adaptctl.identification.validation import alternatives, validate_plausible
+from adaptctl.stages import stage
 
 # Share of the blocks, from the end, that is held out where no log for validation is given.
 HELD_OUT_SHARE = 0.4
@@ -293,7 +294,8 @@ def _of_checked(
     training, judged, delayed, late_torques = without_delay(delay, training, judged, springs)
     still = still_joints(train, mechanism)
     choice = choose(training, friction, prior_weight, cutoff, unmoved_terms(training.mechanism, still))
-    fit = training.fit(choice.settings, range(training.blocks))
+    with stage("fitting links and friction"):
+        fit = training.fit(choice.settings, range(training.blocks))
     origin = "the last 40 % of the logs" if late else ", ".join(log.source for log in test)
     held_out = HeldOut(judged, origin, *cutoffs, choice.settings.left_out)
     read = dict.fromkeys(note for log in (*train, *test) for note in log.notes)
@@ -326,6 +328,7 @@ def _completed(mechanism: Mechanism, drives: Drives, train: Sequence[JointLog], 
     return completed(evidence, judged_at(evidence))
 
 
+@stage("validating the fit")
 def _result(
     file: Mechanism,
     evidence: LogEvidence,

@@ -16,12 +16,14 @@ from adaptctl.identification.least_squares import halves, joined_first_stage, we
 from adaptctl.identification.normal_equations import block_edges
 from adaptctl.identification.position_noise import MAX_NOISE_SHARE, noise_share
 from adaptctl.identification.uncertainty import scaled_inverse
+from adaptctl.stages import stage
 
 # F statistic below which an instrument is weak (Staiger and Stock 1997), and share of a log's rate up to which its
 # halves can be filtered.
 WEAK_INSTRUMENT, MAX_CUTOFF_SHARE = 10.0, 0.05
 
 
+@stage("measuring the noise of positions")
 def without_position_noise(
     measured: LogEvidence, cutoff: float, wanted: bool | None
 ) -> tuple[LogEvidence, tuple[str, ...]]:

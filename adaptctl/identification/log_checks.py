@@ -18,6 +18,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identification.columns import JointLog
 from adaptctl.identification.preparation import MIN_GAP_PERIODS, PreparationStep, same_array
+from adaptctl.stages import stage
 
 # Step over the 99th percentile of a column's steps, and in rad (m), from where on no joint does it; samples after which
 # it is back, or is no outlier.
@@ -33,6 +34,7 @@ FROZEN_TIME, FROZEN_SAMPLES, FROZEN_RATIO, FEWER_RATIO = 0.1, 20, 10.0, 4.0
 DEAD_SHARE, OWN_VALUES = 3e-4, 0.5
 
 
+@stage("checking logs")
 def checked_log(log: JointLog, mechanism: Mechanism) -> tuple[JointLog, list[PreparationStep]]:
     """Log whose impossible rows are filled from their neighbours, with notes on its faults, and facts about it."""
     joints, turns = mechanism.primary_joints, [joint.kind.is_revolute for joint in mechanism.primary_joints]

@@ -12,6 +12,7 @@ from adaptctl.logs.table import MAX_BYTES
 from adaptctl.logs.table import LogTable as LogTable
 from adaptctl.logs.table import table as table
 from adaptctl.logs.text import read_delimited
+from adaptctl.stages import stage
 
 TEXT_SUFFIXES = (".csv", ".tsv", ".txt")
 BAG_SUFFIXES = (".mcap", ".bag", ".db3")
@@ -20,6 +21,7 @@ READERS = {".parquet": "parquet:read_parquet", ".rrd": "rerun_recording:read_rrd
 JOIN = "+"
 
 
+@stage("reading logs")
 def read_log(path: str | Path, topic: str | None = None) -> LogTable:
     """Table of a log, read by the suffix of its path; of several files joined by +, that of all their columns."""
     if JOIN in str(path) and not Path(path).exists():

@@ -18,6 +18,7 @@ from adaptctl.identification.fit import Fit, FitSettings, LogEvidence
 from adaptctl.identification.friction_model import SIMPLE_FRICTION, FrictionModel
 from adaptctl.identification.least_squares import least_squares, weighted_least_squares
 from adaptctl.identification.normal_equations import NormalEquations
+from adaptctl.stages import stage
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,6 +206,7 @@ MIN_FRICTION_EFFECT = 1.5
 MAX_UNEXPLAINED_SHARE = 0.5
 
 
+@stage("checking that the log is of this robot")
 def validate_plausible(
     evidence: LogEvidence, source: str, cutoff: float, springs: tuple[DriveParameter, ...] = ()
 ) -> None:

@@ -1,4 +1,4 @@
-"""Watchers of compilation."""
+"""Stages of a computation, told by name as they begin and end."""
 
 from __future__ import annotations
 
@@ -7,19 +7,21 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
 from typing import TypeAlias
 
-Watcher: TypeAlias = Callable[[], AbstractContextManager[object]]
+Watcher: TypeAlias = Callable[[str], AbstractContextManager[object]]
 
 _watcher: ContextVar[Watcher] = ContextVar("_watcher", default=nullcontext)
 
 
-def watched() -> AbstractContextManager[object]:
-    """Context manager of the compilation of one module."""
-    return _watcher.get()()
+@contextmanager
+def stage(name: str) -> Iterator[None]:
+    """Context manager, or decorator, of a stage that a watcher is told of."""
+    with _watcher.get()(name):
+        yield
 
 
 @contextmanager
 def watching(watcher: Watcher) -> Iterator[None]:
-    """Context manager within which each compilation of this thread runs in one of a watcher."""
+    """Context manager within which each stage of this thread runs in one of a watcher."""
     token = _watcher.set(watcher)
     try:
         yield
