@@ -97,5 +97,5 @@ def test_a_command_shows_it(tmp_path: Path) -> None:
     command = [sys.executable, "-c", program, "basis", "two_link"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert "adaptctl: working, 0 s" in done.stderr.splitlines()
+    assert "adaptctl: starting, 0 s" in done.stderr.splitlines()
     assert done.stdout.startswith("two_link")
