@@ -38,6 +38,11 @@ PAGES = [path for path in DOCUMENTS if path.suffix == ".md"]
 PACKED = {".py", ".pyi", ".toml", ".xml", ".html", ".ll", ".jinja", ".typed", ".urdf", ".parquet", ".txt"}
 FENCE = re.compile(r"^```(\w*)[^\n]*\n(.*?)^```", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
+SECTIONS = [
+    *("Summary", "Statement of need", "State of the field", "Software design", "Research impact statement"),
+    *("AI usage disclosure", "Acknowledgements", "References"),
+]
+"""Those that the Journal of Open Source Software requires of a paper of 750 to 1,750 words"""
 MACHINE = re.compile(
     r"(?<![\w.])/(?:home|root|Users|tmp|work|opt|mnt|private)\b|[A-Z]:\\|file://|localhost|127\.0\.0\.1"
 )
@@ -88,7 +93,25 @@ def test_the_paper_cites_what_its_bibliography_has() -> None:
     cited = set(re.findall(r"(?<!\w)@(\w+\d{4})", paper))
     assert cited == set(re.findall(r"^@\w+\{(\w+),$", entries, re.MULTILINE))
     assert all((ROOT / picture).is_file() for picture in re.findall(r"\]\((docs/\S+)\)", paper))
-    assert 750 < len(paper.split()) < 1250
+    assert 750 < len(paper.split()) <= 1000
+
+
+def test_the_paper_has_the_journal_s_sections_and_invents_nothing_of_the_authors() -> None:
+    paper, releasing = ((ROOT / name).read_text(encoding="utf-8") for name in ("paper.md", "docs/releasing.md"))
+    assert re.findall(r"^# (.*)$", paper, re.MULTILINE) == SECTIONS
+    _, head, text = paper.split("---\n", 2)
+    assert yaml.safe_load(head)["affiliations"] == [{"name": "To be named at submission", "index": 1}]
+    assert "# AI usage disclosure\n\nTo be stated by the authors at submission.\n" in text
+    assert "affiliations and the use of AI" in releasing
+    assert "://" not in paper
+
+
+def test_a_placeholder_stands_for_the_address_until_there_is_one() -> None:
+    clones = [line for page in PAGES for line in commands(page) if line.startswith("git clone ")]
+    known = project()["project"].get("urls", {}).get("Repository")
+    assert len(clones) > 3
+    assert {line.split()[2] for line in clones} == {known or "REPOSITORY"}
+    assert ("`REPOSITORY`" in (ROOT / "docs" / "releasing.md").read_text(encoding="utf-8")) == (known is None)
 
 
 def test_the_lock_names_no_place_to_fetch_from() -> None:
