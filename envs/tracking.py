@@ -109,7 +109,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     ## Action space
 
     `Box(-limit, limit, (r,), float64)`: torques in N m (N), clipped to the limits. A joint without a limit gets four
-    times its largest inverse-dynamics torque in 200 random states up to 2 rad/s and 10 rad/s^2, at least 1.
+    times its largest inverse-dynamics torque in 200 random states up to 2 rad/s and 10 rad/s^2, at least 1 N m (N).
 
     ## Observation space
 

@@ -187,7 +187,7 @@ class Contact(Learning):
     @property
     def expected(self) -> Mapping[Failure, str]:
         """Joints of soft arms are kept off their path by a surface alike."""
-        apart = f"the {self.scene} keeps both off their path; the force tells them apart"
+        apart = f"the {self.scene} keeps both arms off the path; only the forces differ"
         return {} if self.scene == "air" else {Failure.NO_BETTER: apart}
 
     def told(self, outcome: Outcome, basis: FundamentalBasis) -> Told:

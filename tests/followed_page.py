@@ -17,6 +17,8 @@ from typing import Any, NamedTuple
 
 BLOCK = re.compile(r"^```(?:\{[\w-]+\} ?)?(\S*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 FILE = re.compile(r"`([\w-]+\.(?:toml|py))`[^`]*\Z")
+LONGEST = 1800
+"""s that a command may take, also on a busy machine"""
 NEEDS_MORE = re.compile(r"\b[A-Z]{3,}\b|\.\.\.|…|adaptctl (drive|install-completion|sweep (work|serve))|--live")
 
 
@@ -45,7 +47,11 @@ def commands(text: str) -> Iterator[list[str]]:
 def failed_commands(text: str) -> Iterator[str]:
     for words in commands(text):
         command = [str(Path(sys.executable).parent / "adaptctl"), *words]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=600, check=False)
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, timeout=LONGEST, check=False)
+        except subprocess.TimeoutExpired:
+            yield f"adaptctl {shlex.join(words)}: not done in {LONGEST} s"
+            continue
         if done.returncode:
             yield f"adaptctl {shlex.join(words)}: exit {done.returncode}: {done.stderr.strip()[-300:]}"
 

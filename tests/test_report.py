@@ -160,6 +160,15 @@ def test_the_gallery_tells_what_a_report_says_first(folder: Path, shown: Compari
     assert outcome_of(tmp_path / "nothing.html") == ""
 
 
+def test_a_page_repeats_the_gallery_s_figures() -> None:
+    [told] = re.findall(r"^The RMS .* from the identified estimate.*$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+    page = (PAGE.parent / "identification.md").read_text(encoding="utf-8")
+    [paragraph] = [part for part in page.split("\n\n") if "run identify-then-adapt`" in part]
+    figures = re.findall(r"[\d.]+ mrad", told)
+    assert len(figures) == 3
+    assert re.findall(r"[\d.]+ mrad", paragraph)[:3] == figures
+
+
 def test_the_gallery_has_every_experiment_with_picture_command_and_outcome() -> None:
     parts = PAGE.read_text(encoding="utf-8").split("\n## ")[1:]
     assert [part.partition("\n")[0] for part in parts] == [entry.name for entry in SHOWN]

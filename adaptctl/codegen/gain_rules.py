@@ -87,7 +87,7 @@ def _most(controller: Controller[Any], name: str, values: Array) -> Array | None
 
 
 def _at_its_worst(controller: Controller[Any]) -> Controller[Any]:
-    """Controller whose workspace is the position of its greatest sampling ratio."""
+    """Controller with its workspace narrowed to the one position where its sampling ratio is greatest."""
     if isinstance(controller, SafetyFilter):
         return replace(controller, inner=_at_its_worst(controller.inner))
     if not isinstance(controller, SlotineLi):

@@ -46,7 +46,7 @@ class Form(NamedTuple):
 
     @property
     def arguments(self) -> list[int]:
-        """Indices of the function's arguments that columns come from, ascending."""
+        """Indices, ascending, of those arguments of the function from which columns are taken."""
         return sorted({place.argument for place in self.places if place.argument is not None})
 
     @property

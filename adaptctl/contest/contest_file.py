@@ -36,7 +36,7 @@ class ContestFile(msgspec.Struct, forbid_unknown_fields=True):
     robots : list of str
         Built-in names, or files; a path from {example-robot-data}/ on is of that package.
     laws : list of str
-        Names of the library's, or file.py:Class.
+        Names of laws of the library, or file.py:Class for laws of one's own.
     conditions : list of str
         Names of conditions.
     seeds : list of int

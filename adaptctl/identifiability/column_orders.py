@@ -18,7 +18,7 @@ ORDERS: Mapping[str, Sequence[str]] = {
 
 
 def column_order(names: Sequence[str], tool: str, links: Sequence[str] = ()) -> list[int]:
-    """Indices of parameters in the order of a tool, and of its links; those of no link come last."""
+    """Indices that bring parameters into the column order of a tool, with links in that tool's order; others last."""
     if tool not in ORDERS:
         raise NotFoundError(f"tool: expected one of {', '.join(ORDERS)}, got {printable(repr(tool))}")
     first = {name.removesuffix(".m"): i for i, name in enumerate(names) if name.endswith(".m")}

@@ -81,7 +81,7 @@ def _searched(problem: _Problem, point: _Point, steps: int, power: float) -> tup
 
 
 def optimality_residual(A: Array, b: Array, prior: EntropicPrior, weight: float, x: Array) -> float:
-    """Height of the objective at parameters (P,) over its minimum, by Newton's decrement, relative to the squares."""
+    """Objective at parameters (P,) less its minimum, by Newton's decrement, relative to the fitted sum of squares."""
     problem = _Problem(A, b, prior, weight)
     with suppress(np.linalg.LinAlgError):
         if np.all(x[prior.positive] > 0.0):

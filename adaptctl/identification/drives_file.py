@@ -155,7 +155,7 @@ class Drives:
     payloads : tuple of PayloadEntry, optional
         Bodies that are fixed to a link in one log. None by default.
     source : str, default ""
-        Source of the numbers in words, such as a data sheet. Empty by default, where it is not known.
+        Source of the numbers in words, such as a data sheet. Default: unknown.
 
     Raises
     ------

@@ -149,7 +149,7 @@ class SmoothMotion:
 
 
 def _emptied(parts: list[Array]) -> Array:
-    """Parts one after the other, which are not kept beside it."""
+    """One array of all parts, whose list is emptied to free memory."""
     whole = np.concatenate(parts)
     parts.clear()
     return whole

@@ -57,20 +57,20 @@ class TriedHypothesis(NamedTuple):
 
 
 class LogMeaning(NamedTuple):
-    """
-    Meaning of a log's columns.
-
-    Hypotheses as tried, as it is first, the sentence on the one that is named, if the log is refused for it, a line on
-    the slopes of measured torques on those of the file's links, if these ask for the other side of gears, and a line on
-    meanings that fit as well.
-    """
+    """Meaning of a log's columns, as far as the log tells it."""
 
     tried: tuple[TriedHypothesis, ...]
+    """Hypotheses, that of the log as it is first."""
     sentence: str | None
+    """On the hypothesis that fits far better, if one does."""
     refuses: bool
+    """True if the log is refused for it."""
     slopes: PreparationStep
+    """Slopes of measured torques over those of the file's links."""
     other_side: bool
+    """True if the slopes suggest torques of the other side of gears."""
     alike: PreparationStep
+    """Hypotheses that fit as well as the log as it is."""
 
 
 AS_IS = "as is"

@@ -17,7 +17,7 @@ TIME = "time"
 
 
 def joined(source: str, parts: Sequence[LogTable]) -> LogTable:
-    """Table of all columns of several files, by their stamps, or row by row where they have as many."""
+    """Table of all columns of several files, joined by time stamps, or by rows where all files have equally many."""
     names = _names(parts)
     if all(TIME in part.columns for part in parts):
         parts = _of_one_clock(source, parts)

@@ -62,7 +62,7 @@ def _failures(comparison: Comparison) -> Iterator[tuple[Failure, str]]:
     if limited > MAX_SATURATED_TIME:
         yield Failure.SATURATED, f"{run.label} was at a torque limit for {limited:.1f} of {run.duration:.1f} s."
     if comparison.complete and not run.rollout.terminated and not _beats_adaptation_off(comparison):
-        yield Failure.NO_BETTER, f"{run.label} has no smaller final error than the same controller without adaptation."
+        yield Failure.NO_BETTER, f"{run.label} does not end at a smaller error than without adaptation."
 
 
 def _largest(comparison: Comparison, sample: int) -> str:

@@ -147,7 +147,7 @@ Some = TypeVar("Some", Contender, ControllerRun)
 
 
 def named(candidates: Sequence[Some], names: Sequence[str]) -> list[Some]:
-    """Candidates of these names, all for none."""
+    """Candidates of these names; all candidates if no name is given."""
     known = [one.name for one in candidates]
     for name in names:
         if name not in known:

@@ -348,7 +348,7 @@ def _refuse(mechanism: Mechanism, found: SamplingRatio, control_period: float, b
 
 
 def _lightest_joint(mechanism: Mechanism, p: Array) -> int:
-    """Joint that moves most where M is least."""
+    """Joint that moves most along the direction in which the mass matrix is least."""
     M = mechanism.mass_matrix(p)
     diagonal = np.diagonal(M)
     if np.any(diagonal <= 0.0):

@@ -148,7 +148,7 @@ def set_parameters(arm: MujocoArm, before: Description, after: Description) -> N
 
 
 def _body_of(arm: MujocoArm, i: int, link: Link) -> tuple[float, Array, Array, Array]:
-    """Inertia of the body at a link's joint: the link's less those of bodies fixed to it."""
+    """Inertia of the body at a link's joint: that of the link without the bodies that are fixed to it."""
     model, body = arm.model, int(arm.model.jnt_bodyid[arm.joints[i]])
     fixed = [b for b, carrier in arm.carriers.items() if carrier == i and b != body]
     rest = transformed(link.inertia, link.joint_to_link) - sum(

@@ -169,7 +169,7 @@ class Closing:
 
     @property
     def looped(self) -> tuple[bool, ...]:
-        """Flags of the primary joints: True if it moves a loop."""
+        """True for each primary joint that moves a loop."""
         links = {link for loop in self.loops for side in (loop.first, loop.second) for link in side.links}
         links |= {c.leader for c in self.followers if c.follower in links}
         return tuple(joint in links for joint in self.primary)
