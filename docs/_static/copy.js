@@ -26,7 +26,8 @@ document.addEventListener("DOMContentLoaded", () => {
   // What scrolls can be scrolled by keys.
   for (const box of document.querySelectorAll("article pre, article div"))
     if (box.scrollWidth > box.clientWidth && getComputedStyle(box).overflowX !== "visible") box.tabIndex = 0;
-  // What the theme leaves out for readers by ear.
+  // What the theme leaves out for readers by ear, and a role that browsers no longer know.
+  for (const source of document.querySelectorAll("[role=doc-biblioentry]")) source.setAttribute("role", "listitem");
   document.querySelector("aside.sidebar-drawer")?.setAttribute("aria-label", "Pages");
   document.querySelector("aside.toc-drawer")?.setAttribute("aria-label", "On this page");
 });
