@@ -1,7 +1,8 @@
 """Pages for every reader: the documentation and reports in a browser without a window: `make check-pages`.
 
-Every page at the widths of a phone, a tablet and a screen, light and dark: findings of axe-core, and whether the page
-scrolls sideways; and the rules of html-validate. Names each tool that is missing, and does the rest.
+Every page at the widths of a phone, a tablet and a screen, light and dark: findings of axe-core, whether the page
+scrolls sideways, and whether figures are wide enough for their text; and the rules of html-validate. Names each tool
+that is missing, and does the rest.
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ from typing import Any
 
 WIDTHS, SCHEMES = (390, 768, 1280), ("light", "dark")
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+LEGIBLE = 700
+"""px of width from which the text of the documentation's figures has 9 px"""
 PACKAGES = Path("build/pages")
 """where `npm install --prefix` has put what node needs"""
 SERIOUS = ("serious", "critical")
@@ -33,12 +36,14 @@ RULES = {
 }
 
 SCRIPT = """
-const { pages, browser, widths, schemes } = JSON.parse(require("fs").readFileSync(0, "utf8"));
+const { pages, browser, widths, schemes, least } = JSON.parse(require("fs").readFileSync(0, "utf8"));
 const axe = require("fs").readFileSync(require.resolve("axe-core/axe.min.js"), "utf8");
-const look = async () => {
+const look = async (least) => {
   const { violations } = await axe.run(document, { resultTypes: ["violations"] });
   const told = ({ id, impact, nodes }) => ({ id, impact, count: nodes.length, first: nodes[0].html.slice(0, 120) });
-  return { wide: document.documentElement.scrollWidth, found: violations.map(told) };
+  const figures = [...document.querySelectorAll("article img")].filter(({ src }) => /[.](png|svg)$/.test(src));
+  const narrow = figures.filter(({ width }) => width < least).map(({ src }) => src.split("/").pop());
+  return { wide: document.documentElement.scrollWidth, narrow, found: violations.map(told) };
 };
 (async () => {
   const args = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"];
@@ -50,7 +55,7 @@ const look = async () => {
     await tab.evaluate(axe);
     for (const scheme of schemes) {
       await tab.emulateMediaFeatures([{ name: "prefers-color-scheme", value: scheme }]);
-      console.log(JSON.stringify({ page, width, scheme, ...(await tab.evaluate(look)) }));
+      console.log(JSON.stringify({ page, width, scheme, ...(await tab.evaluate(look, least)) }));
     }
     await tab.close();
   }
@@ -74,7 +79,13 @@ def look(pages: Sequence[Path]) -> Iterator[dict[str, Any]]:
     """What axe-core finds on every page, at every width, light and dark."""
     browser = next(path for path in map(shutil.which, BROWSERS) if path)
     given = json.dumps(
-        {"pages": [str(p.resolve()) for p in pages], "browser": browser, "widths": WIDTHS, "schemes": SCHEMES}
+        {
+            "pages": [str(p.resolve()) for p in pages],
+            "browser": browser,
+            "widths": WIDTHS,
+            "schemes": SCHEMES,
+            "least": LEGIBLE,
+        }
     )
     script = PACKAGES / "look.js"
     script.write_text(SCRIPT, encoding="utf-8")
@@ -111,6 +122,7 @@ def main(pages: Sequence[Path]) -> int:
     if not any(tool in without for tool in ("node is", "browser", "puppeteer-core", "axe-core is")):
         for one in look(pages):
             wide = [f"scrolls sideways ({one['wide']} px)"] if one["wide"] > one["width"] else []
+            wide += [f"{figure} is too small for its text" for figure in one["narrow"]]
             told = wide + [f"{f['id']} ({f['impact']}) {f['count']} times: {f['first']}" for f in one["found"]]
             bad += len(wide) + sum(f["impact"] in SERIOUS for f in one["found"])
             for sentence in told:
