@@ -17,7 +17,7 @@ from adaptctl import Plant, SlotineLi, adaptive_controller, simulate_many
 from adaptctl.arrays import Array
 from adaptctl.control import AdaptiveState, GuardedLearning
 from adaptctl.control.adaptation.doubt import CLEAR
-from adaptctl.control.adaptation.guarded_learning import GuardedMemory
+from adaptctl.control.adaptation.guarded_memory import GuardedMemory
 from adaptctl.control.adaptation.payload_test import JudgedPeriod, PayloadSums, PayloadTest
 from adaptctl.control.adaptation.recalled_step import Flow, recalled_step
 from adaptctl.control.adaptation.stored import QUARANTINE
@@ -215,23 +215,30 @@ def test_long_rest_with_friction_and_noise_leaves_the_estimate(seconds: float) -
     assert np.abs(rest.error[-60:]).max() < 0.05
 
 
-def judged(mass: float, seed: int, noise: float, offset: float = 0.05) -> tuple[Any, float]:
-    """Verdict on 3 s with a mass (kg) on the last link, or lines in time, and what its change leaves of the misses."""
+def judged(
+    mass: float, seed: int, noise: float, offset: float = 0.05, vertical: float | None = None
+) -> tuple[Any, float]:
+    """Verdict on 3 s with a mass (kg) on the last link, or weights without inertia, or lines in time, and what its
+    change leaves of the misses."""
     rng, model, T = np.random.default_rng(seed), reduced(ARM), 0.01
     reference = swinging(arm(ARM), seed % 7, 0.5)(np.arange(300) * T)
     rows = model.torque_regressor(reference.p, reference.v, reference.a)
     held = np.zeros(len(model.mechanism.parameter_names))
     held[20:30] = mass * np.array([1.0, offset, 0.0, 0.0, 0.0, 0.0, offset**2, 0.0, 0.0, offset**2])
     change = model.regrouping @ held
+    weights = model.torque_regressor(reference.p, 0.0 * reference.v, 0.0 * reference.a)
+    weights = weights[..., np.abs(weights).max(axis=(0, 1)) > 0.0]
     line = rng.uniform(2.0, 10.0, 3) + rng.uniform(-1.0, 1.0, 3) * (np.arange(300) * T)[:, None]
-    missed = (rows @ -change if mass else line) + noise * rng.normal(size=(300, 3))
-    sums = PayloadSums.zero(3)
-    sums = PayloadSums(column(sums.normal), column(sums.right), type(sums.lines)(*map(column, sums.lines)))
-    weights, usual = Column([400.0] * 3), Column([max(noise, 1e-3) ** 2] * 3)
+    pushed = line if vertical is None else weights @ rng.normal(size=weights.shape[-1]) * vertical
+    missed = (rows @ -change if mass else pushed) + noise * rng.normal(size=(300, 3))
+    zero = PayloadSums.zero(model)
+    lines, hung = (type(part)(*map(column, part)) for part in (zero.lines, zero.weight))
+    sums = PayloadSums(column(zero.normal), column(zero.right), lines, hung)
+    shares, usual = Column([400.0] * 3), Column([max(noise, 1e-3) ** 2] * 3)
     trusted, damping = column(model.fundamental_parameters), column(gains(ARM).damping)
-    for Y, miss in zip(rows, missed, strict=True):
-        step, test = JudgedPeriod(T, 1.0, 0.0, weights, trusted, damping), PayloadTest(model, column(own_gain(ARM)))
-        verdict = test.judged([column(y) for y in Y], column(miss), T * weights, usual, sums, step)
+    for Y, G, miss in zip(rows, weights, missed, strict=True):
+        step, test = JudgedPeriod(T, 1.0, 0.0, shares, trusted, damping), PayloadTest(model, column(own_gain(ARM)))
+        verdict = test.judged(list(map(column, Y)), list(map(column, G)), column(miss), T * shares, usual, sums, step)
         sums = verdict.after
     left = rows[-50:] @ (np.array(verdict.change.of) - change)
     return verdict, float(np.abs(left).max() / max(np.abs(rows[-50:] @ change).max(), 1e-9))
@@ -241,6 +248,13 @@ def judged(mass: float, seed: int, noise: float, offset: float = 0.05) -> tuple[
 @settings(max_examples=4, deadline=None)
 def test_a_push_is_never_taken_for_a_payload(seed: int, noise: float) -> None:
     verdict, _ = judged(0.0, seed, noise)
+    assert (verdict.payload, verdict.contact) == (0.0, 1.0)
+
+
+@given(seed=st.integers(0, 999), mass=st.sampled_from([-4.0, -0.5, 0.5, 2.0]))
+@settings(max_examples=4, deadline=None)
+def test_a_vertical_push_at_any_link_is_never_taken_for_a_payload(seed: int, mass: float) -> None:
+    verdict, _ = judged(0.0, seed, 0.0, vertical=mass)
     assert (verdict.payload, verdict.contact) == (0.0, 1.0)
 
 

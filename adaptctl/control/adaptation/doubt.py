@@ -18,6 +18,8 @@ SLACK = 10.0
 """deviations of torque noise (3 % of a torque limit) that friction may hold at speeds below `min_speed`"""
 CLEAR = 1.0
 """s without a miss that end a doubt"""
+PATIENCE = 10.0
+"""times as long as what is not known may a contact last"""
 YOUTH, NOISE_MEMORY = 2.0, 5.0
 """s of motion in which all misses count as noise; s over which noise is averaged later"""
 MAX_NOISE_RISE = 2.0
@@ -85,11 +87,12 @@ class End(NamedTuple):
 
 
 def ended(watch: Watch, doubt: Column, payload: Any, time_limit: Any, period: float) -> End:
-    """Beginning, going on or end of an alarm. A payload that was found begins it anew."""
+    """Beginning, going on or end of an alarm. A payload that was found begins it anew, a contact may last longer."""
     worst: Any = reduce(maximum, doubt)
     alarmed = watch.alarm[0] > 0.0
     calm: Any = where(worst > 0.0, 0.0, 1.0)
-    lasting: Any = where(payload > 0.5, period, watch.alarm[0] + period)
+    passed = where(watch.decision[0] > PAYLOAD, period * (1.0 / PATIENCE), period)
+    lasting: Any = where(payload > 0.5, period, watch.alarm[0] + passed)
     over: Any = where(lasting > time_limit, 1.0, calm)
     alarm = where(alarmed, where(over > 0.5, 0.0, lasting), where(worst > 0.0, period, 0.0))
     return End(alarm, where(alarmed, calm, 0.0), where(alarmed, over - calm, 0.0))

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import reduce
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array, per_joint
-from adaptctl.control.adaptation import external_torque, payload_test, two_stage_filter
+from adaptctl.control.adaptation import external_torque, payload_test, steady_weight, two_stage_filter
 from adaptctl.control.adaptation.composite import residual
 from adaptctl.control.adaptation.doubt import (
     CLEAR,
@@ -25,46 +25,23 @@ from adaptctl.control.adaptation.doubt import (
     touched,
 )
 from adaptctl.control.adaptation.external_torque import ExternalTorque, Missed, Touch
-from adaptctl.control.adaptation.law import NoMemory, Period
-from adaptctl.control.adaptation.payload_test import PayloadSums, PayloadTest
+from adaptctl.control.adaptation.guarded_memory import GuardedMemory
+from adaptctl.control.adaptation.law import Period
+from adaptctl.control.adaptation.payload_test import PayloadTest
 from adaptctl.control.adaptation.recall import RecallingLeastSquares
 from adaptctl.control.adaptation.recalled_step import Flow, recalled_step
 from adaptctl.control.adaptation.stored import QUARANTINE, Stored
-from adaptctl.control.adaptation.symmetric import joined
+from adaptctl.control.adaptation.trial_estimate import held, returning, trial_share
 from adaptctl.control.adaptation.two_stage_filter import FilteredPrediction, FilteredTwice
 from adaptctl.control.pytree import either
 from adaptctl.errors import InputError, validate_kind
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, Scalar, Tunable, absolute, column, each, maximum, minimum, where
+from adaptctl.scalars import Column, Scalar, Tunable, absolute, column, each, maximum, where
 
 SETTLING = 2.0
 """time constants of the filters for which a joint has to move before its equation counts"""
 TRANSIENT = 0.5
 """s after which the filters show a changed load alone"""
-RETURN_AFTER, RETURN = 0.1, 0.03
-"""s without a miss that start the return to the trusted estimate; its time constant"""
-MIN_TRIAL_GAIN = 0.1
-"""least share of the gain with which a trial estimate follows: noise drives it with all of it"""
-LEAK = 0.5
-"""1/s, return of the trial estimate to the trusted one"""
-
-
-class GuardedMemory(NamedTuple):
-    """Internal state of `GuardedLearning`."""
-
-    stored: Stored
-    filtered: FilteredTwice
-    watch: Watch
-    sums: PayloadSums
-    touch: Any = NoMemory()
-
-    @property
-    def logged_state(self) -> Any:
-        """Decision (1,): 0 model, 1 unknown, 2 payload, 3 contact; then external torques (r,) and levels (r,)."""
-        parts = (self.watch.decision, *self.touch[:2])
-        if isinstance(parts[0], Column):
-            return joined(parts)
-        return np.concatenate(parts, axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,17 +189,7 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         InputError
             If linear constraints fix parameters of the model at values other than zero.
         """
-        k, r = len(model.columns), model.mechanism.dof
-        nothing, none, rest = np.zeros(k * (k + 1) // 2), np.zeros(k), np.zeros(r)
-        one, observer = np.zeros(1), self.external_torque
-        touch = NoMemory() if observer is None else observer.start(model, q, v, control_period)
-        return GuardedMemory(
-            Stored(nothing, none, nothing, none, np.ones(2)),
-            two_stage_filter.start(model, q, v, self.cutoff, control_period),
-            Watch(np.array(initial), rest, rest, rest, one, one, one, one),
-            PayloadSums.zero(r),
-            touch,
-        )
+        return GuardedMemory.empty(model, initial, (q, v), self.cutoff, control_period, self.external_torque)
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar:
         """Squared parameter error over twice the initial gain, J; over P, as in the proof, it is more."""
@@ -260,7 +227,8 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         fast = None if observer is None else external_torque.predicted(observer, model, period, memory.touch)
         stored, step, unsure = self._stepped(memory.stored, sample, period, watch, (x, slope), fast)
         touch = self._felt(fast, sample, Column(unsure.of[len(sample.rows) :]), period, memory)
-        trial = self._returning(watch, period) * (estimate - watch.trusted)
+        back = returning(watch.doubt, period.period) if self.trial else held(period.period)
+        trial = back * (estimate - watch.trusted)
         if self.trial:
             trial = (trial_share(sample, watch) * self._scale) * slope + trial
         after = estimate - either(watch.alarm[0] > 0.0, trial, self._scale * step)
@@ -313,13 +281,6 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         old, pending = stored.valid
         return Flow(old * keep, pending * (quiet * (1.0 - stay)), pending * stay, quiet * (self.recall * period.dt))
 
-    def _returning(self, watch: Watch, period: Period) -> Scalar:
-        """Share of the way from the trial estimate back to the trusted one."""
-        if not self.trial:
-            return min(period.period / RETURN, 1.0)
-        calm = reduce(maximum, watch.doubt) < CLEAR - RETURN_AFTER
-        return where(calm, min(period.period / RETURN, 1.0), LEAK * period.period)
-
     def _decided(
         self, model: ReducedModel, after: Column, stored: Stored, sample: TorqueEquations, unsure: Column,
         period: Period, memory: GuardedMemory, filtered: FilteredTwice, touch: Any,
@@ -333,7 +294,8 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         shares = (going * period.dt) * (sample.counts * sample.weights)
         step = payload_test.JudgedPeriod(T, going, watch.announced[0], sample.weights, watch.trusted, period.damping)
         test = PayloadTest(model, column(self.gain))
-        verdict = test.judged(sample.rows, sample.missed, shares, watch.noise, memory.sums, step)
+        weighed, weight = steady_weight.predicted(model, period, memory.weight, self.cutoff)
+        verdict = test.judged(sample.rows, weighed, sample.missed, shares, watch.noise, memory.sums, step)
         end = ended(watch, doubt, verdict.payload, self.time_limit, T)
         still = end.alarm > 0.0
         trusted = watch.trusted + verdict.payload * verdict.change
@@ -345,7 +307,7 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         states = (age, end.alarm, where(still, watch.announced[0], 0.0), decision)
         doubts = Column(where(still, x, 0.0) for x in doubt)
         watch = Watch(trusted, noise, doubts, sample.moving, *(Column((x,)) for x in states))
-        return after, GuardedMemory(stored, filtered, watch, verdict.after.times(1.0 - verdict.payload), touch)
+        return after, GuardedMemory(stored, filtered, watch, verdict.after.times(1.0 - verdict.payload), weight, touch)
 
     def decision(self, memory: GuardedMemory) -> str:
         """
@@ -451,9 +413,3 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         array([0.1, 0.1, 0.1, 0.1, 0.1, 0.1])
         """
         return self._covariance(memory.stored.remembered)
-
-
-def trial_share(sample: TorqueEquations, watch: Watch) -> Scalar:
-    """Share of the gain with which a trial estimate follows, less where torques are noisier than is stated."""
-    shares = (1.0 / (1.0 + weight * noise) for weight, noise in zip(sample.weights, watch.noise, strict=True))
-    return maximum(MIN_TRIAL_GAIN, reduce(minimum, shares))

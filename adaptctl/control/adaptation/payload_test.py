@@ -11,10 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from adaptctl.arrays import Array
+from adaptctl.control.adaptation import steady_weight
+from adaptctl.control.adaptation.steady_weight import WeightSums
 from adaptctl.control.adaptation.symmetric import rank_update, solve
 from adaptctl.description.inertia import PARAMETERS
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, Scalar, maximum, where
+from adaptctl.scalars import Column, Scalar, maximum, minimum, where
 
 WINDOW, MIN_TIME = 1.0, 0.45
 """s: time constant of the sums, and the time they hold at least for a verdict, what 0.6 s of a steady stream leave"""
@@ -38,20 +40,23 @@ class LineSums(NamedTuple):
 
 
 class PayloadSums(NamedTuple):
-    """Normal equations of ten payload parameters, and sums of lines in time."""
+    """Normal equations of ten payload parameters, sums of lines in time, and those of weights without inertia."""
 
     normal: Any
     right: Any
     lines: LineSums
+    weight: WeightSums
 
     @classmethod
-    def zero(cls, dof: int) -> PayloadSums:
+    def zero(cls, model: ReducedModel) -> PayloadSums:
         """No data."""
-        return cls(np.zeros(55), np.zeros(10), LineSums(*(np.zeros(dof) for _ in LineSums._fields)))
+        lines = LineSums(*(np.zeros(model.mechanism.dof) for _ in LineSums._fields))
+        return cls(np.zeros(55), np.zeros(10), lines, WeightSums.zero(model))
 
     def times(self, kept: Scalar) -> PayloadSums:
         """All sums times a factor."""
-        return PayloadSums(kept * self.normal, kept * self.right, LineSums(*(kept * x for x in self.lines)))
+        lines, weight = LineSums(*(kept * x for x in self.lines)), WeightSums(*(kept * x for x in self.weight))
+        return PayloadSums(kept * self.normal, kept * self.right, lines, weight)
 
 
 class LoadVerdict(NamedTuple):
@@ -82,10 +87,10 @@ class JudgedPeriod(NamedTuple):
 @dataclass(frozen=True)
 class PayloadTest:
     """
-    Least squares of missed torques by ten parameters of a link, against a line in time for each joint.
+    Least squares of missed torques by ten parameters of a link, against pushes.
 
-    A constant push makes torques that a line follows; a payload makes those of ten constant parameters. At rest both
-    fit, and neither is said.
+    A push makes torques that a line in time follows for each joint, or those of weights without inertia at any links;
+    a payload makes those of ten constant parameters. At rest all fit, and neither is said.
     """
 
     model: ReducedModel
@@ -106,13 +111,17 @@ class PayloadTest:
     def judged(
         self,
         rows: Sequence[Column],
+        weights: Sequence[Column],
         missed: Column,
         shares: Column,
         noise: Column,
         sums: PayloadSums,
         step: JudgedPeriod,
     ) -> LoadVerdict:
-        """Verdict with one more period. `shares` (r,) weigh its squared misses, `noise` (r,) is their usual size."""
+        """Verdict with one more period.
+
+        `weights` are rows of `steady_weight`, `shares` (r,) weigh squared misses, `noise` (r,) is their usual size.
+        """
         lines, keep = [self._effects(row) for row in rows], step.going / (1.0 + step.period / WINDOW)
         normal, right = rank_update(sums.normal, lines, shares, keep, 0.0), keep * sums.right
         for line, share, miss in zip(lines, shares, missed, strict=True):
@@ -125,13 +134,15 @@ class PayloadTest:
         whole, straight = reduce(add, after.ee), reduce(add, fits[-1])
         usual = 2.0 * (after.n @ noise)
         left = maximum(whole - own @ right, 0.0) - usual
+        hung, weight = steady_weight.left(weights, missed, shares, (keep, step.period), whole, sums.weight)
+        pushed = minimum(straight, hung)
         times = [n / weight for n, weight in zip(after.n, step.weights, strict=True)]
         full = where(reduce(maximum, times) > MIN_TIME, 1.0, 0.0)
         change = self._change(own)
         payload = full * where(left < MAX_LEFT * whole, 1.0, 0.0) * self._is_a_body(change, step)
-        better = where(left < MAX_LEFT_RATIO * straight, 1.0, step.announced)
-        contact = full * where(straight - usual < MAX_LEFT * whole, 1.0, 0.0) * (1.0 - payload * better)
-        return LoadVerdict(payload * better, contact, change, PayloadSums(normal, right, after))
+        better = where(left < MAX_LEFT_RATIO * pushed, 1.0, step.announced)
+        contact = full * where(pushed - usual < MAX_LEFT * whole, 1.0, 0.0) * (1.0 - payload * better)
+        return LoadVerdict(payload * better, contact, change, PayloadSums(normal, right, after, weight))
 
     def _is_a_body(self, change: Column, step: JudgedPeriod) -> Scalar:
         """1 if the last joint keeps a positive inertia, else 0: a load that a push feigns may take away far more."""
