@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -28,7 +28,7 @@ from adaptctl.envs.contact import (
 )
 from adaptctl.errors import InputError, suggested_name
 from adaptctl.experiments.contest import ADAPTATION_OFF, Contender, Learning, Outcome, Told
-from adaptctl.experiments.experiment import setting, validate_count
+from adaptctl.experiments.experiment import Idle, setting, validate_count
 from adaptctl.experiments.push_findings import answer_of_push, findings_of_push
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import Failure, Finding, TaskError
@@ -51,8 +51,9 @@ SETTLED = 15.0
 """s from which on the force is judged"""
 HAND = "tool"
 """name of the tool among pushed links"""
-OF_PUSH, OF_SURFACE = ("push_link", "push_start", "push_duration", "push_rise"), ("force", "surface")
-"""settings of a push and of a surface"""
+NO_PUSH = (0.0, 0.0, 0.0)
+UNPUSHED = Idle("push", NO_PUSH, "without a push: add push, its force in N along x, y and z")
+IN_AIR = Idle("scene", "air", "in air: add scene table or wall")
 
 
 @dataclass(frozen=True)
@@ -65,13 +66,17 @@ class Contact(Learning):
     robot: str = setting("puma560_geared", "a PUMA 560, whose wrist is held straight")
     scene: str = setting("table", "what it presses on, table or wall; or air, where it only moves")
     payload: float = setting(2.0, "mass in the hand, which only the last controller knows, kg", low=0.0, high=5.0)
-    force: float = setting(10.0, "force with which to press, N", low=1.0, high=50.0)
-    surface: float = setting(1e4, "stiffness of the table or wall, N/m", low=1e3, high=1e5)
-    push: tuple[float, ...] = setting((0.0, 0.0, 0.0), "force of a hand that pushes, x y z, N", low=-500.0, high=500.0)
-    push_link: str = setting(HAND, "what the hand pushes: tool, or the center of mass of link1, link2 or link3")
-    push_start: float = setting(10.0, "time at which the hand begins to push, s", low=0.0, high=300.0)
-    push_duration: float = setting(5.0, "time for which it pushes, s", low=1e-3, high=300.0)
-    push_rise: float = setting(0.0, "time in which its force grows and, at the end, falls, s", low=0.0, high=150.0)
+    force: float = setting(10.0, "force with which to press, N", low=1.0, high=50.0, idle=IN_AIR)
+    surface: float = setting(1e4, "stiffness of the table or wall, N/m", low=1e3, high=1e5, idle=IN_AIR)
+    push: tuple[float, ...] = setting(NO_PUSH, "force of a hand that pushes, x y z, N", low=-500.0, high=500.0)
+    push_link: str = setting(
+        HAND, "what the hand pushes: tool, or the center of mass of link1, link2 or link3", idle=UNPUSHED
+    )
+    push_start: float = setting(10.0, "time at which the hand begins to push, s", low=0.0, high=300.0, idle=UNPUSHED)
+    push_duration: float = setting(5.0, "time for which it pushes, s", low=1e-3, high=300.0, idle=UNPUSHED)
+    push_rise: float = setting(
+        0.0, "time in which its force grows and, at the end, falls, s", low=0.0, high=150.0, idle=UNPUSHED
+    )
     duration: float = setting(20.0, "duration of every run, s", low=SETTLED + 1.0, high=300.0)
 
     def __post_init__(self) -> None:
@@ -82,16 +87,6 @@ class Contact(Learning):
         if self.push_link not in (HAND, *LINKS):
             known = f"expected {', '.join((HAND, *LINKS))}, got {self.push_link!r}"
             raise InputError(f"push_link: {known}{suggested_name(self.push_link.lower(), (HAND, *LINKS))}")
-        if not self.pushes:
-            self._validate_unchanged(OF_PUSH, "without a push: add push, its force in N along x, y and z")
-        if self.scene == "air":
-            self._validate_unchanged(OF_SURFACE, "in air: add scene table or wall")
-
-    def _validate_unchanged(self, names: Sequence[str], why: str) -> None:
-        """Raise `InputError` for the first setting that would count for nothing."""
-        for name in names:
-            if getattr(self, name) != getattr(type(self), name):
-                raise InputError(f"{name}: has no effect {why}")
 
     @property
     def purpose(self) -> str:

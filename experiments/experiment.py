@@ -6,7 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from dataclasses import Field, dataclass, field, fields
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.recording import Progress, Result, Setting
@@ -17,10 +17,21 @@ DIVERGENCE_ERROR = 100.0
 """rad or m: divergence, where runs are compared to the end"""
 
 
-def setting(default: Any, meaning: str, *, symbol: str = "", low: float = -math.inf, high: float = math.inf) -> Any:
+class Idle(NamedTuple):
+    """Another setting, its value at which a setting has no effect, and why."""
+
+    setting: str
+    value: Any
+    why: str
+
+
+def setting(
+    default: Any, meaning: str, *, symbol: str = "", low: float = -math.inf, high: float = math.inf,
+    idle: Idle | None = None,
+) -> Any:  # fmt: skip
     """Dataclass field for a setting."""
     text = f"{symbol}: {meaning}" if symbol else meaning
-    metadata = {"meaning": meaning, "low": low, "high": high, "help": text}
+    metadata = {"meaning": meaning, "low": low, "high": high, "help": text, "idle": idle}
     return field(default=default, metadata=metadata)
 
 
@@ -35,6 +46,10 @@ class CheckedSettings:
     def __post_init__(self) -> None:
         for entry in fields(self):
             _require(entry, getattr(self, entry.name))
+        for entry in fields(self):
+            idle = entry.metadata.get("idle")
+            if idle and getattr(self, entry.name) != entry.default and getattr(self, idle.setting) == idle.value:
+                raise InputError(f"{entry.name}: has no effect {idle.why}")
 
 
 @dataclass(frozen=True)

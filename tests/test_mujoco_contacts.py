@@ -341,14 +341,18 @@ def test_touches_are_events_in_summary_and_recording(tmp_path: Path) -> None:
 
 
 @nightly
-def test_a_hand_is_felt_and_not_learned(tmp_path: Path) -> None:
-    """20 N at the tool for 5 s, which the gradient takes for errors of its model."""
+@pytest.mark.parametrize(
+    ("push", "ratio"),
+    [(("0", "20", "0"), 0.5), (("0", "0", "-20"), 1.0), (("0", "0", "20", "--push-duration", "2"), 1.0)],
+)
+def test_a_hand_is_felt_and_not_learned(push: tuple[str, ...], ratio: float, tmp_path: Path) -> None:
+    """20 N at the tool, which the gradient takes for errors of its model, and which look like a load's weight."""
     out = tmp_path / "out"
-    command = ["experiment", "run", "contact", "--scene", "air", "--push", "0", "20", "0", "--out", str(out)]
+    command = ["experiment", "run", "contact", "--scene", "air", "--out", str(out), "--push", *push.split()]
     assert main(command) == 0
     found = {name: told["value"] for name, told in json.loads((out / "summary.json").read_text())["findings"].items()}
     assert found["felt_after.tracking"] < 0.03
-    assert found["error_after.tracking"] < 0.5 * found["error_after.gradient"]
+    assert found["error_after.tracking"] < ratio * found["error_after.gradient"]
     assert found["parameter_error_after.tracking"] < 2.0 * found["parameter_error_before.tracking"]
 
 
@@ -377,6 +381,22 @@ def test_a_hand_is_felt_and_not_learned(tmp_path: Path) -> None:
 def test_settings_of_a_contact_that_cannot_be_are_refused(given: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError, match=said):
         Contact(**given)
+
+
+@pytest.mark.parametrize(
+    ("flags", "said"),
+    [
+        ("--push-start 10", "--push-start: has no effect without a push: add push"),
+        ("--push-link tool --push 0 0 -0.0", "--push-link: has no effect without a push"),
+        ("--push-rise 0 --scene air", "--push-rise: has no effect without a push"),
+        ("--scene air --push 0 20 0 --force 10", "--force: has no effect in air: add scene table or wall"),
+    ],
+)
+def test_flags_at_their_defaults_that_count_for_nothing_are_refused(
+    flags: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["experiment", "run", "contact", "--out", str(tmp_path / "out"), *flags.split()]) == 2
+    assert capsys.readouterr().err.startswith(f"adaptctl: {said}")
 
 
 def test_an_arm_without_a_pumas_wrist_presses_on_no_table() -> None:

@@ -14,6 +14,7 @@ from cyclopts import App, Parameter
 
 from adaptctl.cli.compiling import Announcement
 from adaptctl.cli.heartbeat import heartbeat
+from adaptctl.cli.idle_flags import idle_flags
 from adaptctl.cli.interruption import Interruption, interruptible
 from adaptctl.cli.numbers import plain_numbers
 from adaptctl.cli.output import Json, WrappedTable, print_json, print_outcome, print_parts
@@ -31,7 +32,7 @@ DONE, FAILED, INTERRUPTED = 0, 3, 130
 LIST_SCHEMA, RUN_SCHEMA = "adaptctl/experiments/1", "adaptctl/experiment/1"
 
 app = App(name="experiment")
-run = App(name="run", help="Run an experiment, and write its results.", config=(filled_in, plain_numbers))
+run = App(name="run", help="Run an experiment, and write its results.", config=(filled_in, plain_numbers, idle_flags))
 app.command(run)
 for entry in EXPERIMENTS:
     run.command(f"{__name__}:{entry.name}", name=entry.name, help=f"{entry.summary}.")
