@@ -69,8 +69,8 @@ def _wrong(stated: Array, slope: Array) -> list[int]:
 
 REFERENCE = ("reference_p", "reference_v", "reference_a")
 """column names of a reference point"""
-BLOCK = 128
-"""control periods evaluated at once"""
+BLOCK, AHEAD = 128, 1024
+"""control periods evaluated at once: of one arm, with what comes next, and of many"""
 
 
 def sampled(reference: Reference, times: Array, size: int, out: Array | None = None) -> ReferencePoint:
@@ -259,6 +259,23 @@ class ReferencesOfMany:
     def _numbers(self) -> SinusoidNumbers | None:
         """Numbers (M, n) of sinusoids of one form, else None."""
         return self.form.numbers(self.references) if self.form.terms else None
+
+
+class SignalsAhead:
+    """Values of varying columns, evaluated for a block of control periods and given in parts of it."""
+
+    def __init__(self, references: ReferencesOfMany, control_period: float, steps: int) -> None:
+        self._references, self._period, self._steps = references, control_period, steps
+        self._first, self._end, self._kept = 0, 0, dict[str, Array]()
+
+    def part(self, first: int, count: int) -> Mapping[str, Array]:
+        """Values of `count` control periods from the one numbered `first` on, by name."""
+        if not self._first <= first <= first + count <= self._end:
+            self._first, self._end = first, min(first + max(count, AHEAD), self._steps)
+            time: Array = self._period * np.arange(self._first, self._end, dtype=np.float64)
+            self._kept = dict(self._references.signals(time))
+        place = slice(first - self._first, first - self._first + count)
+        return {name: values[place] for name, values in self._kept.items()}
 
 
 def _form(references: Sequence[Reference], size: int) -> ReferenceForm:

@@ -25,7 +25,7 @@ from adaptctl.simulation.closed_loop import ClosedLoop, Driven, not_compiled
 from adaptctl.simulation.members import Noise, Seeds, arms_of, checked_seeds, differing, gains_of, validate_single
 from adaptctl.simulation.plant import Plant
 from adaptctl.simulation.reference_limits import warn_of_limits
-from adaptctl.simulation.references import REFERENCE, ReferenceForm, ReferencesOfMany, warn_of_derivatives
+from adaptctl.simulation.references import REFERENCE, ReferenceForm, ReferencesOfMany, SignalsAhead, warn_of_derivatives
 from adaptctl.simulation.summaries import (
     FINAL_WINDOW,
     ErrorSums,
@@ -278,6 +278,7 @@ class _Batch(NamedTuple):
     members: slice
     arms: Ensemble
     references: ReferencesOfMany
+    signals: SignalsAhead
     noise: Noise
 
 
@@ -344,7 +345,9 @@ class _Runs(Driven):
         self.batches, sources = [], Noise.of(seeds, count, BATCH, loop.noise["noise"])
         for first, noise in zip(range(0, count, BATCH), sources, strict=True):
             arms = slice(first, first + noise.members)
-            batch = _Batch(arms, stepper.ensemble(noise.members), self.references.of_arms(arms), noise)
+            references = self.references.of_arms(arms)
+            ahead = SignalsAhead(references, self.control_period, self.steps)
+            batch = _Batch(arms, stepper.ensemble(noise.members), references, ahead, noise)
             chosen = {name: x[arms] for name, x in gains.items()}
             self._start(batch, p[arms], v[arms], _of_arms(memory, arms), chosen, bounds)
             self.batches.append(batch)
@@ -390,10 +393,10 @@ class _Runs(Driven):
         end = self.steps if every in (None, 1) else min(first + -first % (every or 1) + 1, self.steps)
         time = self.ahead(min(end - first, self.longest))
         kept = slice(self._samples(first), self._samples(first + len(time)))
-        for members, arms, references, noise in self.batches:
+        for members, arms, _, ahead, noise in self.batches:
             if plant.loads:
                 arms.held["parameters"] = plant.parameters(self.parameters[members], time[0])
-            signals = {**references.signals(time), "noise": noise.drawn(len(time))}
+            signals = {**ahead.part(first, len(time)), "noise": noise.drawn(len(time))}
             outputs = arms.run(len(time), signals, record=every == 1, threads=self.threads)
             for record, part in zip(self.records if every is not None else (), outputs, strict=False):
                 record[kept, members] = part
