@@ -147,7 +147,7 @@ def taken(log: Log, body: float = 2.0) -> list[Log]:
     """Two logs of other motions, in the second of which the last link carries a body (kg)."""
     loaded = log.truth.inertial_parameters.copy()
     last = 10 * (len(log.truth.description.bodies) - 1)
-    loaded[last : last + 10] += body * np.array([1.0, 0.1, 0.0, 0.05, 0.02, 0.0, 0.0, 0.02, 0.0, 0.02])
+    loaded[last : last + 10] += body * np.array([1.0, 0.1, 0.0, 0.05, 0.03, 0.0, 0.03, 0.0, 0.0, 0.03])
     return [log, Log.of(log.truth.with_parameters(loaded), 1)]
 
 

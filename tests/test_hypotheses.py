@@ -10,10 +10,14 @@ import numpy as np
 import pytest
 from synthetic_logs import Known, known
 
+from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identification.columns import JointLog
+from adaptctl.identification.contradictions import contradictions
 from adaptctl.identification.delay import delay_of
+from adaptctl.identification.fit import FitSettings, LogEvidence
+from adaptctl.identification.friction_model import SIMPLE_FRICTION
 from adaptctl.identification.gathering import gathered
 from adaptctl.identification.hypotheses import AS_IS, LogMeaning, compared_hypotheses, validate_meaning
 from adaptctl.identification.hypothesis_rows import HypothesisRows
@@ -156,3 +160,43 @@ def test_torques_over_those_of_the_file_are_told_and_those_of_another_gear_side_
     assert geared.slopes.outcome.endswith("are they on the other side of gears?")
     assert geared.sentence is None
     assert not judged(case, replace(case.log, torque=50.0 * case.log.torque)).other_side
+
+
+def moved(case: Known) -> tuple[Array, Array, Array]:
+    """Positions, velocities and accelerations of the log."""
+    v = np.gradient(case.log.position, case.log.time, axis=0)
+    return case.log.position, v, np.gradient(v, case.log.time, axis=0)
+
+
+def evidence_of(file: Mechanism, case: Known, torque: Array) -> LogEvidence:
+    return gathered(file, case.drives, [replace(case.log, torque=torque)])[0]
+
+
+def asked_of_gears(file: Mechanism, case: Known, torque: Array) -> bool:
+    return HypothesisRows.of(evidence_of(file, case, torque)).file_slopes()[1]
+
+
+def test_gears_other_side_is_asked_of_the_joints_that_the_links_load_alone(case: Known) -> None:
+    """A light last link with a rotor, which no file of links has, and which takes most of its torque, as at wrists."""
+    truth, file = (
+        m.with_parameters(m.inertial_parameters * np.where(np.arange(m.inertial_parameters.size) // 10 == 2, 0.01, 1.0))
+        for m in (case.truth, case.guess)
+    )
+    p, v, a = moved(case)
+    torque = truth.inverse_dynamics(p, v, a)
+    torque[:, 2] += 0.05 * np.ptp(torque) / np.ptp(a[:, 2]) * a[:, 2]
+    assert asked_of_gears(file, case, 0.02 * torque)
+    assert not asked_of_gears(file, case, torque)
+
+
+def test_neither_gears_nor_counterbalances_are_asked_of_placeholders(case: Known) -> None:
+    """Links of the same values at each joint, and nearly the same ones, under a hundredth of their torques."""
+    values = np.tile(case.guess.inertial_parameters[10:20], 3)
+    same, other = (case.guess.with_parameters(values * scale) for scale in (1.0, np.repeat([1.0, 1.01, 1.02], 10)))
+    torque = 0.01 * same.inverse_dynamics(*moved(case))
+    evidence = [evidence_of(file, case, torque) for file in (other, same)]
+    asked = [HypothesisRows.of(one).file_slopes()[1] for one in evidence]
+    settings = FitSettings(SIMPLE_FRICTION, 0.1, evidence[0].band)
+    told = ["; ".join(contradictions(one, one.fit(settings, range(one.blocks)))) for one in evidence]
+    assert asked == [True, False]
+    assert ["check for a counterbalance" in words for words in told] == [True, False]

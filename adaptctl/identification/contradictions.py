@@ -13,19 +13,23 @@ from adaptctl.identification.fit import Fit, LogEvidence
 from adaptctl.identification.least_squares import least_squares
 
 
-def contradictions(evidence: LogEvidence, fit: Fit) -> Iterator[str]:
-    """Sentences on joints at which the file's links weigh something else, on joints left out, and on forced links."""
-    cutoff = fit.settings.cutoff
+def contradictions(evidence: LogEvidence, fit: Fit, other_side: bool = False) -> Iterator[str]:
+    """
+    Sentences on joints at which the file's links weigh something else, on joints left out, and on forced links.
+
+    Placeholders weigh nothing of the robot's; torques of gears' other side are told already.
+    """
+    cutoff, told = fit.settings.cutoff, other_side or evidence.prior.is_placeholder
     means, otherwise = evidence.file_torques(cutoff), evidence.weighing_otherwise(cutoff)
     for j, joint in enumerate(evidence.mechanism.primary_joints):
-        told, measured = (f"{abs(mean):.3g} {joint.kind.effort_unit}" for mean in means[:, j])
-        weighs = f"{joint.name}: the links of the robot file take {told} on average, the log has {measured}"
+        file, measured = (f"{abs(mean):.3g} {joint.kind.effort_unit}" for mean in means[:, j])
+        weighs = f"{joint.name}: the links of the robot file take {file} on average, the log has {measured}"
         if j in fit.settings.left_out:
             yield (
                 f"{weighs}; no links that bodies can be take both this and the torques of the other joints, so it is "
                 "left out of fit and verdict; check for a counterbalance, its torque's sign and unit"
             )
-        elif j in otherwise:
+        elif j in otherwise and not told:
             yield f"{weighs}; check for a counterbalance, and its torque's sign and unit{_offset(evidence, fit, j)}"
     yield from _misfit(evidence, fit)
 

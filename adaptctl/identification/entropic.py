@@ -41,6 +41,12 @@ class EntropicPrior:
         """Inverses (N, 4, 4) of the prior's pseudo-inertias."""
         return np.linalg.inv(np.stack([pseudo_inertia(ten) for ten in self.tens]))
 
+    @property
+    def is_placeholder(self) -> bool:
+        """True if more than half of several links are alike, as where a file's values are placeholders."""
+        alike = np.unique(self.tens, axis=0, return_counts=True)[1]
+        return bool(2 * alike.max() > len(self.tens) > 1)
+
     def start(self, size: int) -> Array:
         """Prior's own parameters (P,), from which a search can begin."""
         x = np.zeros(size)

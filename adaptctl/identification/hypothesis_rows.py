@@ -32,8 +32,9 @@ DENSITY, MAX_INSTANTS, WINDOWS = 8.0, 2500, 10
 # which fits count as equal.
 PRIOR_WEIGHT, SLOW, LEAST_ERROR = 0.1, 0.05, 0.003
 # Share of torques that the file's links explain and ratio of torques to theirs, beyond which a common one is a gear's;
-# a larger one only if gears are stated, as many files' links are placeholders of little mass.
-EXPLAINED, OTHER_SIDE, ALIKE = 0.4, 10.0, 3.0
+# a larger one only if gears are stated, as many files' links are placeholders of little mass. Not asked: joints below
+# a share of the links' largest torque: rotors and friction outweigh links there, as at wrists.
+EXPLAINED, OTHER_SIDE, ALIKE, LARGE = 0.4, 10.0, 3.0, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,17 +165,30 @@ class HypothesisRows:
 
     def file_slopes(self) -> tuple[PreparationStep, bool]:
         """Line on torques over those of the file's links, often placeholders, and if all seem on gears' other side."""
-        rows, tens = self.rows, self.evidence.prior.tens.ravel()
-        slopes, shares = _each_joint(rows, rows.regressor[..., : tens.size] @ tens, self.used)
+        tens = self.evidence.prior.tens.ravel()
+        links = self.rows.regressor[..., : tens.size] @ tens
+        slopes, shares = _each_joint(self.rows, links, self.used)
         names = [joint.name for joint in self.evidence.mechanism.primary_joints]
         each = [f"{n} {slope:.2g} ({share:.0%})" for n, slope, share in zip(names, slopes, shares, strict=True)]
         told = f"{', '.join(each)} of their variation beside friction explained"
-        least, most = np.abs(slopes).min(), np.abs(slopes).max()
-        steady = bool(shares.min() > EXPLAINED and most < ALIKE * least)
-        gears = bool(np.abs(self.evidence.drives.transmission).max() > OTHER_SIDE)
-        geared = steady and bool(most < 1 / OTHER_SIDE or (gears and most > OTHER_SIDE))
-        side = f"; all about {np.median(slopes):.2g}: are they on the other side of gears?" if geared else ""
+        large = self._large(links)
+        geared = not self.evidence.prior.is_placeholder and self._geared(slopes[large], shares[large])
+        side = f"; all about {np.median(slopes[large]):.2g}: are they on the other side of gears?" if geared else ""
         return PreparationStep("torques over the file's", told + side), geared
+
+    def _large(self, torque: Array) -> NDArray[np.bool_]:
+        """Mask (r,) of the joints with a good part of the largest torque of their kind, forces and torques apart."""
+        revolute = np.array([joint.kind.is_revolute for joint in self.evidence.mechanism.primary_joints])
+        sizes = np.linalg.norm(torque, axis=0)
+        most = [sizes[revolute == own].max() for own in revolute]
+        return np.asarray(sizes >= LARGE * np.array(most))
+
+    def _geared(self, slopes: Array, shares: Array) -> bool:
+        """True if joints' slopes, with the shares explained, are alike and so far from 1 as a gear would make them."""
+        least, most = np.abs(slopes).min(), np.abs(slopes).max()
+        gears = bool(np.abs(self.evidence.drives.transmission).max() > OTHER_SIDE)
+        steady = bool(shares.min() > EXPLAINED and most < ALIKE * least)
+        return steady and bool(most < 1 / OTHER_SIDE or (gears and most > OTHER_SIDE))
 
 
 def relative_error(equations: NormalEquations, x: Array) -> float:

@@ -313,7 +313,7 @@ def _of_checked(
         *untold,
         *late_words,
         *noisy,
-        *contradictions(training, fit),
+        *contradictions(training, fit, meaning.other_side),
     )
     result = _result(
         mechanism, training, fit, held_out, choice, (*facts, meaning.slopes, meaning.alike, delayed, *steps), notes
