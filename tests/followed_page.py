@@ -1,12 +1,14 @@
 """A page of the documentation, followed from the present folder by an installed wheel: `python followed_page.py PAGE`.
 
-Commands and examples run in the order of the page; a file that the words before a block name is written first. Lines
-for a clone, the network, a screen or a robot are left out, as are patterns in capitals.
+Commands, examples and cells of notebooks run in the order of the page; a file that the words before a block name is
+written first. Lines for a clone, the network, a screen or a robot are left out, as are patterns in capitals, and Python
+without prompts, which other checks run.
 """
 
 from __future__ import annotations
 
 import doctest
+import os
 import re
 import shlex
 import subprocess
@@ -15,7 +17,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-BLOCK = re.compile(r"^```(?:\{[\w-]+\} ?)?(\S*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
+BLOCK = re.compile(r"^```(?:\{(?!code-cell)[\w-]+\} ?)?(\S*)\n(?:---\n.*?^---\n)?(.*?)^```", re.DOTALL | re.MULTILINE)
 FILE = re.compile(r"`([\w-]+\.(?:toml|py))`[^`]*\Z")
 LONGEST = 1800
 """s that a command may take, also on a busy machine"""
@@ -56,6 +58,14 @@ def failed_commands(text: str) -> Iterator[str]:
             yield f"adaptctl {shlex.join(words)}: exit {done.returncode}: {done.stderr.strip()[-300:]}"
 
 
+def failed_cell(text: str, names: dict[str, Any]) -> Iterator[str]:
+    """What a cell of a notebook raises, which has the names of those before it."""
+    try:
+        exec(compile(text, "cell", "exec"), names)
+    except Exception as error:
+        yield f"{text.partition(chr(10))[0]} ...: {type(error).__name__}: {error}"
+
+
 def failures(text: str) -> Iterator[str]:
     """What fails of a page, from top to bottom."""
     names: dict[str, Any] = {}
@@ -63,6 +73,8 @@ def failures(text: str) -> Iterator[str]:
     for block in blocks(text):
         if block.kind == "console":
             yield from failed_commands(block.text)
+        elif block.kind == "{code-cell}":
+            yield from failed_cell(block.text, names)
         elif ">>>" in block.text:
             told: list[str] = []
             test = doctest.DocTestParser().get_doctest(block.text, names, "page", None, 0)
@@ -74,6 +86,7 @@ def failures(text: str) -> Iterator[str]:
 
 
 if __name__ == "__main__":
+    os.environ |= {"MPLBACKEND": "agg", "ADAPTCTL_PROGRESS": "off"}
     wrong = list(failures(Path(sys.argv[1]).read_text(encoding="utf-8")))
     print("\n".join(wrong))
     sys.exit(bool(wrong))
