@@ -76,6 +76,9 @@ class ContactEnv(TrackingEnv):
         Time in s for which a torque is held. 1 kHz is the rate of most torque interfaces.
     error_bound : float, default 1.0
         Error in rad beyond which an episode ends.
+    render_mode : {"human", "rgb_array"}, optional
+        "human" shows every step live in the rerun viewer, "rgb_array" draws images; both with the table or wall.
+        Default: no pictures.
 
     Raises
     ------
@@ -108,6 +111,7 @@ class ContactEnv(TrackingEnv):
         duration: float = 20.0,
         control_period: float = 1e-3,
         error_bound: float = 1.0,
+        render_mode: str | None = None,
     ) -> None:
         arm = of_three_joints(load(robot) if isinstance(robot, str) else robot)
         validate_scene(scene)
@@ -118,7 +122,9 @@ class ContactEnv(TrackingEnv):
         given: Any = {"torque_limits": limits, "model": model, "body": body, "pushes": at_tool}
         plant = MuJoCoPlant(arm, control_period_of(control_period), **given)
         self.surroundings = surroundings_of(scene)
-        self._set_task(plant, joint_path(arm, duration, scene), duration, error_bound=error_bound)
+        self._set_task(
+            plant, joint_path(arm, duration, scene), duration, error_bound=error_bound, render_mode=render_mode
+        )
 
 
 def validate_scene(scene: object) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.description import GROUND
+from adaptctl.description.pose import Pose
+from adaptctl.description.visual import Box, Visual
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.recursion.kinematics import link_poses
 from adaptctl.recording.drawing import BASE, BODY, GOAL, INK, RUN_COLORS, Color
@@ -23,6 +25,7 @@ OVERSAMPLING = 2
 SUN = np.array([0.30, -0.55, 0.78])
 GHOST_OPACITY, GHOST_SCALE = 0.5, 0.95
 """Less than 1, so that the ghost vanishes inside an arm that tracks."""
+BESIDE_OPACITY = 0.35
 ZENITH, HORIZON = np.array([0.74, 0.81, 0.90]), np.array([0.95, 0.96, 0.98])
 FLOOR, LINE, SHADOW = np.array([0.87, 0.89, 0.91]), np.array([0.70, 0.74, 0.79]), 0.66
 PAINT = {Solid.LINK: BODY, Solid.JOINT: RUN_COLORS[0], Solid.TOOL: INK}
@@ -31,7 +34,9 @@ PAINT = {Solid.LINK: BODY, Solid.JOINT: RUN_COLORS[0], Solid.TOOL: INK}
 class Renderer:
     """Renderer of one mechanism."""
 
-    def __init__(self, mechanism: Mechanism, width: int = 640, height: int = 480) -> None:
+    def __init__(
+        self, mechanism: Mechanism, width: int = 640, height: int = 480, surroundings: Sequence[Visual] = ()
+    ) -> None:
         self._mechanism, self._parts = mechanism, skeleton(mechanism)
         reach, sun = self._parts.reach, SUN / np.linalg.norm(SUN)
         feet = np.array([link.parent_to_joint.translation for link in mechanism.links if link.parent == GROUND])
@@ -40,6 +45,8 @@ class Renderer:
         self.camera = _camera(feet, self._floor, reach, (width, height))
         self._rays = self.camera.rays()
         self._backdrop, self._on_floor, self._ground = self._background(reach)
+        boxes = [(one.pose, np.array(one.solid.size)) for one in surroundings if isinstance(one.solid, Box)]
+        self._beside = [self._box(*box) for box in boxes]
         self._caption = Caption(mechanism.name, {"arm": RUN_COLORS[0], "reference": GOAL}, width, height)
 
     def image(self, p: Array, goal: Array, time: float) -> NDArray[np.uint8]:
@@ -53,7 +60,17 @@ class Renderer:
         self._paint(ghost, nearer, self._arm(goal, GOAL))
         seen = nearer < depth
         picture[seen] += GHOST_OPACITY * (ghost[seen] - picture[seen])
+        for distance, colors in self._beside:  # translucent, so that it hides no arm
+            before = distance < depth
+            picture[before] += BESIDE_OPACITY * (colors[before] - picture[before])
         return self._caption.over(_pixels(picture), time)
+
+    def _box(self, pose: Pose, size: Array) -> tuple[Array, Array]:
+        """Distances (H, W) and colours (H, W, 3) of a box that stands beside the arm."""
+        hits, colors = box_hits(pose, size, self.camera.eye, self._rays), np.zeros_like(self._rays)
+        hit = np.isfinite(hits.distance)
+        colors[hit] = self._lit(_rgb(BODY), hits.normal[hit], self._rays[hit])
+        return hits.distance, colors
 
     def _arm(self, p: Array, ghost: Color | None = None) -> list[ConvexPart]:
         rotations, origins = link_poses(self._mechanism, p)
@@ -231,6 +248,18 @@ def intersect(solid: ConvexPart, origin: Array, rays: Array) -> Hits:
     point = away + distance[..., None] * rays
     side = (point - (height / length)[..., None] * axis) / solid.radius
     return Hits(np.where(on_side, distance, ends.distance), np.where(on_side[..., None], side, ends.normal))
+
+
+def box_hits(pose: Pose, size: Array, origin: Array, rays: Array) -> Hits:
+    """First intersections of rays with a box of edge lengths (3,) about a pose (Kay and Kajiya 1986)."""
+    start, towards = (origin - pose.translation) @ pose.rotation, rays @ pose.rotation
+    towards = np.where(np.abs(towards) < 1e-12, 1e-12, towards)
+    low, high = (-0.5 * size - start) / towards, (0.5 * size - start) / towards
+    enters, leaves = np.minimum(low, high), np.maximum(low, high)
+    distance, side = enters.max(axis=-1), enters.argmax(axis=-1)
+    hit = (distance > 0.0) & (distance < leaves.min(axis=-1))
+    normal = -np.sign(np.take_along_axis(towards, side[..., None], axis=-1)) * np.eye(3)[side]
+    return Hits(np.where(hit, distance, MISS_DISTANCE), normal @ pose.rotation.T)
 
 
 def _caps(

@@ -43,6 +43,7 @@ from adaptctl.simulation.references import Preview, warn_of_derivatives
 from adaptctl.simulation.transmission import Transmission
 
 if TYPE_CHECKING:
+    from adaptctl.description.visual import Visual
     from adaptctl.envs.rendering import Renderer
     from adaptctl.recording.live import Live
 
@@ -168,6 +169,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     """
 
     metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 1000.0}  # noqa: RUF012  # Gymnasium's way
+
+    surroundings: tuple[Visual, ...] = ()
 
     def __init__(
         self,
@@ -343,7 +346,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         if self._renderer is None:
             from adaptctl.envs.rendering import Renderer
 
-            self._renderer = Renderer(self.mechanism)
+            self._renderer = Renderer(self.mechanism, surroundings=self.surroundings)
         goal = episode.preview.row(episode.step)[: self.plant.dof]
         return self._renderer.image(episode.state.p, goal, episode.step * self.control_period)
 
@@ -360,7 +363,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         if self._live is None:
             from adaptctl.recording.live import CURRENT, Live
 
-            self._live = Live(self.mechanism, CURRENT.get())
+            self._live = Live(self.mechanism, CURRENT.get(), surroundings=self.surroundings)
         goal = episode.preview.row(episode.step)[: self.plant.dof]
         self._live.show(episode.step * self.control_period, episode.state.p, goal, torque)
 

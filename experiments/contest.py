@@ -354,7 +354,7 @@ def _driven(env: gymnasium.Env[Any, Any], mechanism: Mechanism, controller: Cont
     if (to := CURRENT.get()) is not None:
         from adaptctl.envs.live import LiveView
 
-        with Live(mechanism, to) as live:
+        with Live(mechanism, to, surroundings=getattr(env.unwrapped, "surroundings", ())) as live:
             if live.is_seen:
                 return stepped(LiveView(env, live), controller, **how)
     ours = getattr(type(getattr(env.unwrapped, "plant", None)), "step", Plant.step) is Plant.step

@@ -22,6 +22,7 @@ from rerun.chunk import RrdReader
 import adaptctl
 from adaptctl.description import JointKind, Limits
 from adaptctl.envs import LearningEnv, LiveView, ResidualEnv, TrackingEnv
+from adaptctl.envs.contact import surroundings_of
 from adaptctl.errors import FileError, InputError, LiveViewWarning, MissingExtraError
 from adaptctl.experiments.contest import Contender, contest
 from adaptctl.recording.live import reachable, streaming
@@ -41,12 +42,18 @@ def shown(path: Path, entity: str, component: str) -> int:
 
 def test_what_is_shown_arrives_thinned(arm: adaptctl.Mechanism, tmp_path: Path) -> None:
     path = tmp_path / "live.rrd"
-    with adaptctl.Live(arm, str(path), rate=50.0) as live:
+    with adaptctl.Live(arm, str(path), rate=50.0, surroundings=surroundings_of("wall")) as live:
         for k in range(1000):
             live.show(1e-3 * k, np.ones(2), np.zeros(2), np.ones(2))
     assert live.sent + live.dropped == 50
     assert shown(path, "/error", "Scalars:scalars") == live.sent
     assert shown(path, "/world/arm/upper", "Transform3D:translation") == live.sent
+    drawn = (
+        RrdReader(path).store().stream().filter(content="/world/surroundings/visual/0", components="Boxes3D:half_sizes")
+    )
+    assert [chunk.to_record_batch()["Boxes3D:half_sizes"][0].as_py() for chunk in drawn] == [
+        [pytest.approx([0.02, 0.4, 0.3])]
+    ]
     assert not live.is_seen
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +13,12 @@ from matplotlib.image import imread
 from random_trees import random_tree
 
 from adaptctl.arrays import Array
+from adaptctl.description.pose import Pose
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.recursion.kinematics import link_poses
 from adaptctl.envs import Puma560TrackingEnv
-from adaptctl.envs.rendering import OVERSAMPLING, Camera, ConvexPart, Renderer, _pixels, _spacing, intersect
+from adaptctl.envs.contact import surroundings_of
+from adaptctl.envs.rendering import OVERSAMPLING, Camera, ConvexPart, Renderer, _pixels, _spacing, box_hits, intersect
 from adaptctl.recording.drawing import GOAL
 from adaptctl.recording.skeleton import skeleton, tip_path
 
@@ -43,6 +46,24 @@ def depth_in(solid: ConvexPart, points: Array) -> Array:
         return solid.radius - np.linalg.norm(points - nearest, axis=-1)
     off_axis = np.linalg.norm(points - solid.start - along[..., None] * axis / length, axis=-1)
     return np.minimum(solid.radius - off_axis, np.minimum(along, length - along))
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_rays_meet_boxes_first_at_their_surface(seed: int) -> None:
+    """As points along the rays, inside the box or not, tell."""
+    rng = np.random.default_rng(seed)
+    turned, size = np.linalg.qr(rng.normal(size=(3, 3)))[0], rng.uniform(0.2, 1.0, 3)
+    pose, eye = Pose(turned * np.linalg.det(turned), rng.uniform(-0.5, 0.5, 3)), np.array([4.0, 0.5, -0.3])
+    aimed = rng.uniform(-1.0, 1.0, (50, 3)) - eye
+    rays = aimed / np.linalg.norm(aimed, axis=1, keepdims=True)
+    hits, away = box_hits(pose, size, eye, rays), np.linspace(0.0, 8.0, 4001)
+    own = (eye + away[:, None, None] * rays - pose.translation) @ pose.rotation
+    inside = np.all(np.abs(own) <= 0.5 * size, axis=-1)
+    assert np.all(np.isfinite(hits.distance) | (inside.sum(axis=0) <= 2))  # a ray along an edge may pass between points
+    met = inside.any(axis=0)
+    np.testing.assert_allclose(hits.distance[met], away[inside.argmax(axis=0)][met], atol=2.1e-3)
+    assert np.all(np.vecdot(hits.normal[met], rays[met]) < 0.0)
 
 
 @settings(max_examples=30, deadline=None)
@@ -213,3 +234,17 @@ def test_without_a_mode_nothing_is_rendered() -> None:
     env.reset()
     with pytest.warns(UserWarning, match="render_mode='rgb_array'"):
         assert env.render() is None
+
+
+def test_a_wall_is_drawn_before_and_behind_the_arm(puma: Mechanism) -> None:
+    """Where its center is seen the picture is another one, and beside it the same."""
+    (wall,) = surroundings_of("wall")
+    bare, walled = (Renderer(puma, 160, 120, surroundings=given) for given in ((), (wall,)))
+    pictures = [one.image(CENTER, CENTER, 0.0).astype(int) for one in (bare, walled)]
+    changed = np.abs(pictures[1] - pictures[0]).max(axis=-1) > 0
+    camera = replace(bare.camera, width=160, height=120)
+    seen = (wall.pose.translation - camera.eye) @ camera.axes.T
+    x, y = camera.focal * seen[:2] / seen[2] + [80.0, 60.0]
+    assert changed[int(y), int(x)]
+    assert 0.02 < changed.mean() < 0.5
+    assert not changed[:, :40].any()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import json
 import os
 import signal
 import socket
@@ -10,7 +11,7 @@ import subprocess
 import sys
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from typing import Any
@@ -19,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import positive_number
+from adaptctl.description.visual import Box, Visual
 from adaptctl.description.writers.mechanism_file import mechanism_toml
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, LiveViewWarning, MissingExtraError, NonFiniteError, validate_kind
@@ -55,6 +57,8 @@ class Live:
         tells where none can be reached, and the loop goes on unseen.
     inline : bool, default False
         True starts a server without a window, for notebooks (`display(live)`, which needs rerun-notebook).
+    surroundings : sequence of Visual, optional
+        What stands beside the arm, of which boxes are drawn. Default: nothing.
 
     Raises
     ------
@@ -82,6 +86,7 @@ class Live:
         rate: float = 100.0,
         start_viewer: bool = True,
         inline: bool = False,
+        surroundings: Sequence[Visual] = (),
     ) -> None:
         validate_kind(mechanism, Mechanism, "live view", "as load(...) gives one")
         self._pause = 1.0 / positive_number(rate, "rate: expected a positive number of samples per second")
@@ -96,7 +101,7 @@ class Live:
             validate_place(place)
         self.url = place if is_file else reachable(place, start_viewer, inline)
         if self.url is not None:
-            self._begin(mechanism, self.url)
+            self._begin(mechanism, self.url, tuple(surroundings))
 
     @property
     def is_seen(self) -> bool:
@@ -191,8 +196,10 @@ class Live:
             raise NonFiniteError(f"expected finite numbers, got {sample[~np.isfinite(sample)][0]}")
         return sample.tobytes()
 
-    def _begin(self, mechanism: Mechanism, url: str) -> None:
-        robot = mechanism_toml(mechanism.description).encode()
+    def _begin(self, mechanism: Mechanism, url: str, surroundings: tuple[Visual, ...]) -> None:
+        solids = [(one.pose.rotation.tolist(), one.pose.translation.tolist(), one.solid) for one in surroundings]
+        beside = [(turned, center, solid.size) for turned, center, solid in solids if isinstance(solid, Box)]
+        drawn = json.dumps({"robot": mechanism_toml(mechanism.description), "boxes": beside})
         here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         here.setblocking(False)
         command = [sys.executable, "-m", "adaptctl.recording.live_process", str(there.fileno()), url]
@@ -200,7 +207,7 @@ class Live:
             self._process = subprocess.Popen(command, stdin=subprocess.PIPE, pass_fds=(there.fileno(),))
         if (pipe := self._process.stdin) is not None:
             with pipe:
-                pipe.write(robot)
+                pipe.write(drawn.encode())
         self._socket = here
 
     def _lose(self, why: str) -> None:

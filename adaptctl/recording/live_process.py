@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import json
 import signal
 import socket
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 import rerun as rr
 
 from adaptctl.arrays import Array
+from adaptctl.description import GROUND
+from adaptctl.description.pose import Pose
+from adaptctl.description.visual import Box, Visual
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.recording import views
 from adaptctl.recording.drawing import GOAL, run_color
-from adaptctl.recording.scene import WORLD, log_arm, log_base, log_trail
+from adaptctl.recording.scene import WORLD, log_arm, log_base, log_surroundings, log_trail
 from adaptctl.recording.skeleton import Skeleton, Viewpoint, floor_height, skeleton
 from adaptctl.recording.stream import Curves, log_curves, of_joints
 
@@ -29,12 +35,14 @@ MAX_SAMPLE_BYTES = 1 << 16
 def main(descriptor: int, url: str) -> None:
     """Draw a live view until its samples end."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the loop, which then closes the socket
-    mechanism = _mechanism(sys.stdin.read())
+    given = json.load(sys.stdin)
+    mechanism = _mechanism(given["robot"])
     with socket.socket(fileno=descriptor) as samples:
         rows = _Rows(samples, 1 + 3 * mechanism.dof)
         first = rows.next()
         if first is not None:
             recording, parts = _started(mechanism, url, first)
+            log_surroundings(recording, "surroundings", _surroundings(given["boxes"]))
             _draw(recording, mechanism, parts, first)
             while (more := rows.next()) is not None:
                 _draw(recording, mechanism, parts, more)
@@ -47,6 +55,12 @@ def _mechanism(text: str) -> Mechanism:
         file = Path(folder) / "mechanism.toml"
         file.write_text(text, encoding="utf-8")
         return load(file, as_written=True)
+
+
+def _surroundings(boxes: Sequence[Any]) -> list[Visual]:
+    """Boxes, each by its rotation (3, 3), center (3,) in m and edge lengths (3,) in m."""
+    poses = [(Pose(np.array(rotation), np.array(center)), tuple(size)) for rotation, center, size in boxes]
+    return [Visual(GROUND, pose, Box(size)) for pose, size in poses]
 
 
 class _Rows:
