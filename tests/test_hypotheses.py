@@ -8,10 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic_logs import Known, known
+from synthetic_logs import Known, joint_drives, known, motion
 
 from adaptctl.arrays import Array
-from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError
 from adaptctl.identification.columns import JointLog
 from adaptctl.identification.contradictions import contradictions
@@ -166,6 +166,20 @@ def moved(case: Known) -> tuple[Array, Array, Array]:
     """Positions, velocities and accelerations of the log."""
     v = np.gradient(case.log.position, case.log.time, axis=0)
     return case.log.position, v, np.gradient(v, case.log.time, axis=0)
+
+
+def test_meanings_that_a_log_does_not_tell_apart_are_all_named() -> None:
+    """An arm in a vertical plane, hung from the ceiling, is one whose first joint is turned by 180 degrees."""
+    arm = load("two_link")
+    time, p, v, a = motion(arm.dof, np.random.default_rng(3), 10.0, 100.0)
+    hung = JointLog("hung", time, p, under(arm, [-g for g in arm.description.gravity]).inverse_dynamics(p, v, a))
+    evidence = gathered(arm, joint_drives(arm), [hung])[0]
+    said = compared_hypotheses(evidence, delay_of(evidence)).sentence or ""
+    first = arm.primary_joints[0].name
+    assert f"{first} is at 180 deg where its column has 0" in said
+    assert "; or, as the log tells as well, " in said
+    assert "gravity is along" in said
+    assert "delay" not in said
 
 
 def evidence_of(file: Mechanism, case: Known, torque: Array) -> LogEvidence:

@@ -98,7 +98,7 @@ def compared_hypotheses(
     hypothesis, trial, names = found[best].hypothesis, found[best].trial, ", ".join(rows.sources)
     sentence = (
         f"{names}: {trial.words}: if so, the error of the consistent estimate falls from {error:.2%} to "
-        f"{trial.error:.2%} of the torques; {hypothesis.remedy}"
+        f"{trial.error:.2%} of the torques; {hypothesis.remedy}{_or_else(found, found[best])}"
     )
     return LogMeaning(tuple(tried), sentence, hypothesis.refuses, *rows.file_slopes(), alike)
 
@@ -124,6 +124,10 @@ class _Trial:
     x: Array
     deviations: Array
 
+    def fits(self, most: float) -> bool:
+        """True if the consistent estimate has at most an error, and is what the hypothesis says."""
+        return not self.trial.is_bound and self.trial.error <= most and self.hypothesis.holds(self.x)
+
     def consistent(self, rows: HypothesisRows) -> _Trial:
         """Trial by the consistent estimate."""
         x = rows.consistent(self.equations, self.deviations)
@@ -141,6 +145,16 @@ def _alike(others: Sequence[_Trial], error: float) -> PreparationStep:
     return PreparationStep("fits as well as the log as it is", "; ".join(each) or "nothing")
 
 
+def _or_else(found: Sequence[_Trial], best: _Trial) -> str:
+    """Words on the best hypothesis of each other kind that the log does not tell from the best of all."""
+    kinds = {best.trial.kind: ""}
+    for own in sorted(found, key=lambda own: own.trial.error):
+        if own.fits(ALIKE * best.trial.error):
+            words = f"; or, as the log tells as well, {own.trial.words}: {own.hypothesis.remedy}"
+            kinds.setdefault(own.trial.kind, words)
+    return "".join(kinds.values())
+
+
 def _tried(rows: HypothesisRows, delay: Delay, error: float) -> tuple[list[_Trial], int | None]:
     """Hypotheses as tried, and the index of the best one that takes a third of the error off."""
     found, most = [], error / MARGIN
@@ -153,9 +167,9 @@ def _tried(rows: HypothesisRows, delay: Delay, error: float) -> tuple[list[_Tria
     best = None
     alike = np.round(20.0 * np.log([one.trial.error for one in found]))  # where least squares tells none, as listed
     for i in np.argsort(alike, kind="stable")[:MAX_CONTENDERS].tolist():
-        if found[i].trial.error > (most if best is not None else ALIKE * error):
+        if found[i].trial.error > ALIKE * (most if best is not None else error):
             break
         found[i] = found[i].consistent(rows)
-        if found[i].trial.error <= most and found[i].hypothesis.holds(found[i].x):
+        if found[i].fits(most):
             best, most = i, found[i].trial.error
     return found, best
