@@ -135,7 +135,7 @@ class Contact(Learning):
         return ContactEnv(mechanism, duration=self.duration, control_period=self.control_period, **given)
 
     def contenders(self, mechanism: Mechanism, basis: FundamentalBasis) -> list[Contender]:
-        """Impedances that learn, keep the file's model, and know the load, and tracking laws; the last in the air."""
+        """Impedances that learn, do not, or know the load, and a tracking law; in the air three tracking laws."""
         model = ReducedModel(mechanism, basis)
         path = joint_path(mechanism, self.duration, self.scene)(np.linspace(0.0, self.duration, 200)).p
         soft = partial(self._impedance, model, Workspace.along(mechanism, path, margin=0.2))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shlex
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -81,6 +82,22 @@ def take(words: list[str]) -> None:
         _, _, rest = app.parse_commands(words)
         if rest or words[0] in COMMANDS:
             app.parse_args(words, print_error=False, exit_on_error=False)
+
+
+def written(words: list[str]) -> str:
+    """Folder of results that a command writes, if it writes one."""
+    named = words[2] if words[:2] == ["experiment", "run"] else words[0]
+    return words[words.index("--out") + 1] if "--out" in words else f"results/{named}"
+
+
+def test_a_page_reads_only_results_that_it_has_written() -> None:
+    for page in PAGES:
+        there: set[str] = set()
+        for words in commands(page.read_text()):
+            read = {b for a, b in pairwise(words) if b.startswith("results/") and a != "--out"}
+            lacking = {folder for folder in read if not there & {folder, *map(str, Path(folder).parents)}}
+            assert not lacking, f"{page}: {shlex.join(words)}: nothing before it writes {lacking}"
+            there.add(written(words))
 
 
 def test_a_flag_that_is_not_there_is_not_taken() -> None:

@@ -125,8 +125,8 @@ class DesignTask:
         Returns
         -------
         DesignTask
-            Uniform positions; normal velocities of standard deviation speed sqrt(g/L) rad/s, clipped to limits; normal
-            accelerations of speed^2 g/L rad/s^2, with the characteristic length L and gravity g.
+            Positions are uniform. Velocities and accelerations are normal, of standard deviations speed sqrt(g/L) rad/s
+            and speed^2 g/L rad/s^2, with the characteristic length L and gravity g; velocities are clipped to limits.
 
         Raises
         ------

@@ -191,7 +191,7 @@ class Workspace:
         Returns
         -------
         Worst
-            Greatest value and positions. The samples alone often have less than nine tenths of it.
+            Greatest value and positions, by a search that starts at samples; these alone often give less than 90 %.
 
         Examples
         --------
