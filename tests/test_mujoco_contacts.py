@@ -341,11 +341,8 @@ def test_touches_are_events_in_summary_and_recording(tmp_path: Path) -> None:
 
 
 @nightly
-@pytest.mark.parametrize(
-    ("push", "ratio"),
-    [(("0", "20", "0"), 0.5), (("0", "0", "-20"), 1.0), (("0", "0", "20", "--push-duration", "2"), 1.0)],
-)
-def test_a_hand_is_felt_and_not_learned(push: tuple[str, ...], ratio: float, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("push", "ratio"), [("0 20 0", 0.5), ("0 0 -20", 1.0), ("0 0 20 --push-duration 2", 1.0)])
+def test_a_hand_is_felt_and_not_learned(push: str, ratio: float, tmp_path: Path) -> None:
     """20 N at the tool, which the gradient takes for errors of its model, and which look like a load's weight."""
     out = tmp_path / "out"
     command = ["experiment", "run", "contact", "--scene", "air", "--out", str(out), "--push", *push.split()]
