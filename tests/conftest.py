@@ -7,13 +7,9 @@ import os
 import signal
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import settings
-
-if TYPE_CHECKING:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 # One worker runs on each core. A second thread of OpenBLAS would wait there in a loop, and products of small matrices
 # take up to a hundred times as long. NumPy reads this when it is first imported, in processes started here too.
@@ -36,19 +32,19 @@ def elsewhere(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     os.chdir(here)
 
 
-def sketch(canvas: FigureCanvasAgg, path: Path) -> None:
-    """A figure as PNG, coarse and not laid out."""
-    canvas.figure.set_layout_engine("none")
-    canvas.figure.set_dpi(20)
-    canvas.print_png(path, metadata={"Software": "adaptctl"})  # type: ignore[no-untyped-call]
+def blank(drawing: object, path: Path) -> None:
+    """An empty picture as PNG."""
+    from PIL import Image
+
+    Image.new("RGB", (184, 80), "white").save(path, "png")
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _sketched(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Figures are sketches, but in modules marked `drawn`: to lay them out takes longer than to run an experiment."""
+def _undrawn(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Figures are empty, but in modules marked `drawn`: to draw them takes longer than to run an experiment."""
     with pytest.MonkeyPatch.context() as patch:
         if not request.node.get_closest_marker("drawn"):
-            patch.setattr("adaptctl.recording.drawing._draw_once", sketch)
+            patch.setattr("adaptctl.recording.drawing._write_png", blank)
         yield
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from nightly import mostly_at_night
+from nightly import at_night, turn_by_turn
 
 from adaptctl import ReducedModel, arrays, load
 from adaptctl.cli.main import main
@@ -67,8 +67,10 @@ def test_columns_too_small_to_be_squared_are_refused_and_zeros_are_not() -> None
     assert not log.column("tau2", "torque").any()
 
 
-@pytest.mark.parametrize("content", [b"\xde\xad" * 25_000, b"#ROSBAG V2.0\n" + bytes(range(256)) * 20])
-@pytest.mark.parametrize("suffix", [".bag", ".mcap", ".db3"])
+@pytest.mark.parametrize(
+    ("suffix", "content"),
+    turn_by_turn([".bag", ".mcap", ".db3"], [b"\xde\xad" * 25_000, b"#ROSBAG V2.0\n" + bytes(range(256)) * 20]),
+)
 def test_junk_is_no_bag(tmp_path: Path, suffix: str, content: bytes) -> None:
     pytest.importorskip("rosbags")
     (tmp_path / f"junk{suffix}").write_bytes(content)
@@ -76,26 +78,26 @@ def test_junk_is_no_bag(tmp_path: Path, suffix: str, content: bytes) -> None:
         read_log(tmp_path / f"junk{suffix}")
 
 
-@pytest.mark.parametrize("encoding", mostly_at_night(["ascii", "latin-1"], "ascii"))
-@pytest.mark.parametrize("words", [("gains",), ("tune",)])
+@pytest.mark.parametrize(
+    ("words", "encoding"), [(("gains",), "ascii"), *map(at_night, [(("gains",), "latin-1"), (("tune",), "ascii")])]
+)
 def test_any_terminal_shows_reports(words: tuple[str, ...], encoding: str) -> None:
     ran = _run(*words, TWO_LINK, PYTHONIOENCODING=encoding)
     assert ran.returncode == 0, ran.stderr.decode()
     assert rb"\u03" in ran.stdout
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        ("basis", "puma560", "--out"),
-        ("export", "puma560", "--out"),
-        ("identify", "--robot", TWO_LINK),
-        ("runs",),
-        ("sweep", "status"),
-        ("sweep", "report"),
-    ],
-    ids=" ".join,
-)
+TAKING_NAMES = [
+    ("basis", "puma560", "--out"),
+    ("export", "puma560", "--out"),
+    ("identify", "--robot", TWO_LINK),
+    ("runs",),
+    ("sweep", "status"),
+    ("sweep", "report"),
+]
+
+
+@pytest.mark.parametrize("words", [at_night((words,)) if k % 3 else words for k, words in enumerate(TAKING_NAMES)])
 def test_file_names_too_long_are_refused(
     words: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

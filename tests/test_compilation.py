@@ -15,6 +15,7 @@ import pytest
 from expression_trees import Tree, evaluated, size, trees
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from nightly import nightly
 
 from adaptctl.compilation import Kernel, compile_function, compile_step, llvm, outlined, trace
 from adaptctl.compilation.lanes import Lanes
@@ -283,6 +284,7 @@ def test_four_thousand_operations_compile_in_seconds() -> None:
     assert elapsed < 10.0  # about 0.2 s on an idle core
 
 
+@nightly
 def test_fifty_thousand_operations_compile_in_seconds_too_and_are_right(monkeypatch: pytest.MonkeyPatch) -> None:
     """LLVM's usual way would take a minute."""
     monkeypatch.setenv("ADAPTCTL_CACHE", "off")

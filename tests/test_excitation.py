@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from nightly import nightly
 from random_trees import random_chain
 
 from adaptctl.arrays import Array
@@ -158,6 +159,7 @@ def found() -> ExcitationTrajectory:
     return excitation_trajectory(model("puma560_geared"), iterations=40, seed=1)
 
 
+@nightly
 def test_an_exciting_reference_is_better_conditioned_than_random_ones(found: ExcitationTrajectory) -> None:
     """Ten random ones of the same band within the same limits: 0.44 of the best of them, and within 0.05 of that
     when every cost is changed by 1e-10 of itself, as if by another processor."""

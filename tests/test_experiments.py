@@ -17,7 +17,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from comparisons import no_progress, shown
-from nightly import at_night
+from nightly import at_night, mostly_at_night
 from robot_files import urdf
 from signals import signalled
 
@@ -148,7 +148,7 @@ def test_outcome_and_places_are_printed_and_notes_are_a_line(
 # Where the signal lands in a callback of Python's own, Python reports the exception and drops it; the run must end
 # well all the same, which is what is tested.
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", mostly_at_night([signal.SIGINT, signal.SIGTERM], signal.SIGTERM))
 def test_interrupted_run_keeps_what_was_computed(
     number: signal.Signals, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -56,7 +56,7 @@ def test_every_law_that_is_offered_is_among_those_exported_here() -> None:
     assert not missing, f"add an example of {sorted(missing)} to LAWS in tests/every_law.py"
 
 
-@pytest.mark.parametrize("name", mostly_at_night(ALL, *(name for name in ALL if name not in LONG)))
+@pytest.mark.parametrize("name", mostly_at_night(ALL, *[name for name in ALL if name not in LONG][::4]))
 def test_the_text_of_the_law_does_what_python_does(name: str) -> None:
     interface = Interface(law_named(name))
     rows, _ = record(interface, default_reference(interface), ticks=4)

@@ -187,7 +187,7 @@ print(*[is_stale_temporary(name) for name in sys.argv[1:]] or [name_beside(Path(
 """
 
 
-@pytest.mark.parametrize("changed", ELSEWHERE)
+@pytest.mark.parametrize("changed", mostly_at_night(ELSEWHERE, *list(ELSEWHERE)[-2:]))
 def test_processes_elsewhere_are_not_taken_for_dead(changed: str) -> None:
     def told(code: str, *arguments: str) -> str:
         command = [sys.executable, "-c", ASKED % code, *arguments]

@@ -158,7 +158,7 @@ FOREIGN = ("ur5_robot.urdf", "kinova.urdf", "xarm7.urdf", "so101.urdf")
     "robot",
     mostly_at_night(
         [*builtin_names(), *map(str, map(urdf, FOREIGN))],
-        *("puma560", "semi_direct_drive"),
+        "semi_direct_drive",
     ),
 )
 def test_the_commands_gains_and_tune_tell_one_k(capsys: pytest.CaptureFixture[str], robot: str) -> None:

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from nightly import mostly_at_night
 from synthetic_logs import Known, joint_drives, known, motion
 
 from adaptctl.arrays import Array
@@ -89,7 +90,7 @@ FAULTS: dict[str, tuple[Fault, str]] = {
 }
 
 
-@pytest.mark.parametrize("kind", FAULTS)
+@pytest.mark.parametrize("kind", mostly_at_night(FAULTS, *list(FAULTS)[1::2]))
 def test_a_fault_is_named_by_its_column_with_the_way_out(case: Known, kind: str) -> None:
     fault, words = FAULTS[kind]
     verdict = judged(case, fault(case.log, case))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from nightly import mostly_at_night
+from nightly import mostly_at_night, nightly
 from random_trees import random_chain
 from scipy.optimize import minimize
 from synthetic_logs import joint_drives, known, motion
@@ -58,6 +58,7 @@ def test_what_is_found_is_always_what_bodies_can_have(count: int) -> None:
         assert 1.0 - 1e-9 <= result.misfit_ratio <= 1.03
 
 
+@nightly
 def test_white_residuals_flatter() -> None:
     """Noise that lasts ten samples is not worth as many equations, which the jackknife alone sees."""
     assert found(1, 0.9)[0].deviation_ratio > 1.1 * found(1, 0.0)[0].deviation_ratio

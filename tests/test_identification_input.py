@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from nightly import mostly_at_night
 from random_trees import random_chain
 from synthetic_logs import known
 
@@ -140,7 +141,7 @@ BAD: dict[str, tuple[Spoil, str]] = {
 }
 
 
-@pytest.mark.parametrize("fault", BAD)
+@pytest.mark.parametrize("fault", mostly_at_night(BAD, *list(BAD)[::2]))
 def test_a_bad_log_is_refused_by_name_and_nothing_is_written(
     fault: str, files: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

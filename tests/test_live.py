@@ -156,13 +156,15 @@ Z = [0.0, 0.0]
 @pytest.mark.parametrize(
     ("sample", "why"),
     [
-        (("a", Z, Z, Z), "TypeError"),
+        at_night((("a", Z, Z, Z), "TypeError")),
         at_night(((None, Z, Z, Z), "TypeError")),
         at_night(((10**400, Z, Z, Z), "OverflowError")),
         at_night(((np.nan, Z, Z, Z), "NonFiniteError: expected finite numbers, got nan")),
         ((1.0, [np.nan, 0.0], Z, Z), "NonFiniteError: expected finite numbers, got nan"),
         at_night(((1.0, Z, Z, [0.0, np.inf]), "NonFiniteError: expected finite numbers, got inf")),
-        ((1.0, [0.0] * 3, [0.0], Z), r"InputError: expected arrays of shape \(2,\), got \[\(3,\), \(1,\), \(2,\)\]"),
+        at_night(
+            ((1.0, [0.0] * 3, [0.0], Z), r"InputError: expected arrays of shape \(2,\), got \[\(3,\), \(1,\), \(2,\)\]")
+        ),
         at_night(((1.0, Z, Z, 0.0), r"InputError: expected arrays of shape \(2,\)")),
     ],
 )

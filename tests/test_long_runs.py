@@ -17,6 +17,7 @@ import pytest
 from figures import require
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from nightly import nightly
 from sampled_loops import arm, gains, reduced, swinging
 
 from adaptctl.control import SafetyFilter, SlotineLi
@@ -170,6 +171,7 @@ print(megabytes() - before)
 """
 
 
+@nightly
 def test_memory_stays_flat(tmp_path: Path) -> None:
     """Ten times as long, 400,000 control periods: all samples would take 150 MB."""
     done = subprocess.run(

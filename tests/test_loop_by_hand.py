@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from nightly import nightly
 
 import adaptctl
 from adaptctl.control import FadeIn, MinimumJerk, ReferencePoint, Sinusoids, Spline
@@ -59,6 +60,7 @@ def cpu(function: Callable[[], object], count: int = 2000) -> float:
     return float(best)
 
 
+@nightly
 def test_a_reference_is_no_dearer_than_the_law() -> None:
     arm = adaptctl.load("puma560_measured")
     model = adaptctl.ReducedModel(arm)

@@ -48,6 +48,7 @@ def test_a_run_whose_terminal_is_closed_keeps_what_was_computed(tmp_path: Path) 
     assert 0.0 < said["duration_run"] < 300.1  # rounded up to a whole sample
 
 
+@nightly
 def test_a_run_under_nohup_goes_on_when_its_terminal_is_closed(tmp_path: Path) -> None:
     terminal, inner = pty.openpty()
     command = [*RUN, "--duration", "0.2", "--out", str(tmp_path / "out")]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from nightly import turn_by_turn
+from nightly import at_night, turn_by_turn
 from sampled_loops import arm, full, gains, reduced, swinging
 
 from adaptctl.arrays import Array
@@ -65,7 +65,8 @@ def recorded(controller: SlotineLi, found: Rollouts, name: str, m: int) -> Array
 @pytest.mark.parametrize(
     ("kind", "name"),
     [
-        *turn_by_turn(("gradient", "whole gain", "projection", "subspace", "off"), (TREE, LOOP)),
+        *turn_by_turn(("gradient", "projection"), (TREE, LOOP)),
+        *map(at_night, [(kind, name) for kind in ("whole gain", "subspace", "off") for name in (TREE, LOOP)]),
         ("natural", LOOP),  # the other's links are no rigid bodies
     ],
 )

@@ -128,7 +128,7 @@ def one_by_one(controller: Controller[Any], cases: list[Any]) -> tuple[list[Arra
 
 
 @pytest.mark.parametrize(
-    ("law", "name"), mostly_at_night(KINDS, *{law: (law, name) for law, name in KINDS[::-1]}.values())
+    ("law", "name"), mostly_at_night(KINDS, *[*{law: (law, name) for law, name in KINDS[::-1]}.values()][::3])
 )
 def test_many_arms_are_as_each_alone(law: str, name: str) -> None:
     controller = LAWS[law](name)

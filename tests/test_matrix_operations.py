@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from levels import usable
+from nightly import mostly_at_night
 
 from adaptctl.arrays import Array
 from adaptctl.compilation import Op, compile_function, compile_step, trace
@@ -92,7 +93,7 @@ def native(operation: MatrixOperation, arguments: list[Array], lanes: int, proce
 
 @pytest.mark.skipif("sse2" not in usable(), reason="products and sums are fused")
 @NAMES
-@pytest.mark.parametrize("lanes", [1, 2, 4])
+@pytest.mark.parametrize("lanes", mostly_at_night([1, 2, 4], 2))
 @settings(max_examples=4, deadline=None)
 @given(k=SIZES, r=st.integers(1, 7), seed=st.integers(0, 2**32 - 1))
 def test_native_loops_without_fused_operations_have_the_bits_of_floats(
@@ -104,7 +105,7 @@ def test_native_loops_without_fused_operations_have_the_bits_of_floats(
 
 
 @NAMES
-@pytest.mark.parametrize("k", [13, 15, 36, 37])
+@pytest.mark.parametrize("k", mostly_at_night([13, 15, 36, 37], 13, 36))
 def test_native_loops_in_lanes_have_the_bits_of_one(name: str, k: int) -> None:
     operation, arguments = operation_and_arguments(name, k, 3, np.random.default_rng(k))
     one = native(operation, arguments, 1, Processor.host())

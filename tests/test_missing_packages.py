@@ -142,7 +142,7 @@ NEEDING = {
 
 @pytest.mark.parametrize(
     ("hidden", "names"),
-    [(REPORT, ""), ("scipy", ""), *NEEDING.items(), *(at_night((hidden, "")) for hidden in ("", *NEEDING))],
+    [(REPORT, ""), *map(at_night, [("scipy", ""), *NEEDING.items(), *((hidden, "") for hidden in ("", *NEEDING))])],
 )
 def test_every_command_works_or_names_a_package(said: Any, hidden: str, names: str) -> None:
     found = said(hidden, names) if names else said(hidden)

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 from levels import usable
+from nightly import nightly
 
 from adaptctl.compilation import compile_function, compile_step
 from adaptctl.compilation.native import Processor
@@ -389,6 +390,7 @@ print(plus(41.0))
 """
 
 
+@nightly
 @pytest.mark.usefixtures("folder")
 def test_a_process_may_fork_while_its_threads_compile() -> None:
     """The children use what was compiled, and compile themselves."""

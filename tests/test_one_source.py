@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from nightly import mostly_at_night
+from nightly import mostly_at_night, turn_by_turn
 
 from adaptctl.arrays import Array, stacked
 from adaptctl.compilation import compile_function, compile_step, trace
@@ -120,8 +120,7 @@ def tolerance(name: str, what: str, arrays: list[Array]) -> float:
     )
 
 
-@pytest.mark.parametrize("what", NAMES)
-@pytest.mark.parametrize("name", ARMS)
+@pytest.mark.parametrize(("what", "name"), turn_by_turn(NAMES, ARMS))
 def test_all_kinds_of_scalar_agree(name: str, what: str) -> None:
     function, given = equations(name)[what]
     arrays = inputs(name, given, 8)

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 from comparisons import shown
+from nightly import nightly
 
 from adaptctl.errors import InputError
 from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
@@ -20,6 +21,7 @@ def said() -> dict[str, Any]:
     return shown(Puma560Adaptive(duration=6.0, components=COUNTS))
 
 
+@nightly
 def test_every_count_runs_adapted_and_held(said: dict[str, Any]) -> None:
     wanted = (*(f"adaptive-{s}" for s in COUNTS), *(f"fixed-{s}" for s in COUNTS), "adaptation-off")
     assert tuple(said["runs"]) == wanted

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from nightly import turn_by_turn
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism, load
@@ -53,8 +54,10 @@ def judged(robot: str) -> tuple[Mechanism, EssentialSpace, Array]:
     return arm, essential_space(arm, states=states_within_limits(arm, few)), H
 
 
-@pytest.mark.parametrize("energy_error", [10.0, 5.0, 1.0])
-@pytest.mark.parametrize("robot", ["puma560_measured", "puma560_arm3", "semi_direct_drive"])
+@pytest.mark.parametrize(
+    ("robot", "energy_error"),
+    turn_by_turn(["puma560_measured", "puma560_arm3", "semi_direct_drive"], [10.0, 5.0, 1.0]),
+)
 @pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
 def test_the_stated_error_is_that_of_new_states(robot: str, energy_error: float) -> None:
     arm, space, H = judged(robot)

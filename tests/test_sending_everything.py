@@ -21,7 +21,7 @@ import test_drive as driven
 from comparisons import comparison
 from every_effect import EFFECTS
 from every_law import ARM, FEW, GAIN, LAWS, MODEL, of_two, slotine_li
-from nightly import turn_by_turn
+from nightly import mostly_at_night
 from synthetic_logs import known
 from test_tunable import POINT, ticks
 
@@ -51,6 +51,7 @@ LARGE = ("composite learning", "floor")
 """laws that take long to compile, and are sent as `forgetting` is"""
 SENT = {name: law for name, law in LAWS.items() if name not in LARGE}
 SENT["forgetting"] = of_two(BoundedGainForgetting(FEW, 0.3, 15.0, 1.5, 3.0))
+EACH = [(name, WAYS[k % 2]) for k, name in enumerate(SENT)]
 
 
 def public_classes() -> set[type]:
@@ -262,7 +263,7 @@ def test_an_instance_of_every_public_class_was_among_it() -> None:
     assert missing <= NOT_SENT, f"add {sorted(missing - NOT_SENT)} to every_law.py, every_effect.py or ROOTS"
 
 
-@pytest.mark.parametrize(("name", "sent"), turn_by_turn(SENT, WAYS))
+@pytest.mark.parametrize(("name", "sent"), mostly_at_night(EACH, *EACH[::5]))
 def test_laws_compute_the_same_before_and_after_use(name: str, sent: Callable[[Any], Any]) -> None:
     before = sent(slow := sent(SENT[name]))
     expected = ticks(slow)

@@ -81,6 +81,7 @@ def test_shared_code_lives_as_long_as_what_calls_it(compiled: list[str]) -> None
     assert len(compiled) == 6
 
 
+@nightly
 def test_short_routines_and_lanes_stay_in_their_module(compiled: list[str]) -> None:
     short = outlined(lambda x: Column((sin(x[0]) + x[1], x[0])))
     two_steps(short)
@@ -114,6 +115,7 @@ def test_an_outlined_function_keeps_a_few_of_its_traces(monkeypatch: pytest.Monk
     assert traced == [2.0, *map(float, range(3, 3 + routines.MAX_KEPT_ROUTINES)), 2.0]
 
 
+@nightly
 def test_threads_share_code_too() -> None:
     function, start = outlined(long_function(0.3)), np.array([0.3, -0.1])
     found: list[bytes] = []

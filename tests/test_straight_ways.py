@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from nightly import at_night
+from nightly import mostly_at_night
 from random_loops import RECIPES, random_loop
 
 from adaptctl.arrays import Array
@@ -64,9 +64,7 @@ def test_arms_are_followed_as_they_are_step_by_step(name: str) -> None:
             fast.follow(p)
 
 
-@pytest.mark.parametrize(
-    "name", [at_night(name) if name in ("spatial weld", "two spatial loops") else name for name in sorted(RECIPES)]
-)
+@pytest.mark.parametrize("name", mostly_at_night(sorted(RECIPES), "gears in a loop", "planar weld", "spatial hinge"))
 def test_random_loops_are_followed_as_they_are_step_by_step(name: str) -> None:
     mechanism, _ = random_loop(3, RECIPES[name])
     slow, fast = continuations(mechanism)

@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from nightly import nightly
 
 from adaptctl.cli.main import main
 from adaptctl.cli.sweep import _validate_none_failed
@@ -206,6 +207,7 @@ class TestRows:
 
 
 class TestFolders:
+    @nightly
     def test_one_worker_and_two_give_the_same_table_and_nothing_is_computed_twice(self, tmp_path: Path) -> None:
         chosen = study(bandwidth="4,6", seed="0..1")
         tables = []

@@ -57,6 +57,7 @@ def test_shards_that_were_changed_run_again(tmp_path: Path) -> None:
     assert rows.drop_columns(sorted(timed)).equals(again.drop_columns(sorted(timed)))
 
 
+@nightly
 def test_a_table_with_other_numbers_is_refused_with_the_line_that_accepts_it(tmp_path: Path) -> None:
     command = [*SWEEP, "--out", str(tmp_path / "out")]
     subprocess.run(command, check=True, capture_output=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from nightly import mostly_at_night
 
 from adaptctl.errors import InputError
 from adaptctl.experiments.task_space import TaskSpaceTracking
@@ -14,7 +15,7 @@ from adaptctl.recording.rerun_recording import summary_markdown
 pytestmark = pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
 
 
-@pytest.fixture(scope="module", params=["puma560_arm3", "semi_direct_drive"])
+@pytest.fixture(scope="module", params=mostly_at_night(["puma560_arm3", "semi_direct_drive"], "semi_direct_drive"))
 def compared(request: pytest.FixtureRequest) -> Any:
     return TaskSpaceTracking(robot=request.param, duration=5.0).compare(lambda what, share: None)
 

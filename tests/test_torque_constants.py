@@ -78,6 +78,7 @@ def test_one_known_constant_settles_the_others() -> None:
     assert constants(result) == pytest.approx(CONSTANTS, rel=0.03)
 
 
+@nightly
 def test_without_either_they_are_known_up_to_one_scale_which_is_said() -> None:
     case, (train, _) = known(3), logs(3)
     drives = motors(joint_drives(case.guess), ["unknown"] * 3)

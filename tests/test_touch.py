@@ -9,6 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from nightly import mostly_at_night
 
 import adaptctl
 from adaptctl.arrays import Array
@@ -162,7 +163,7 @@ def judging(per_hour: float, T: float) -> Any:
     return compile_function(judged, {"torque": 1, "state": sum(sizes)}, name="judged")
 
 
-@pytest.mark.parametrize("heavy", [False, True])
+@pytest.mark.parametrize("heavy", mostly_at_night([False, True], False))
 def test_noise_passes_the_level_at_the_stated_rate(heavy: bool) -> None:
     """Of a Gaussian variable, and of one that is three times as large for one second in four."""
     lanes, T, per_hour, seconds = 300, 16e-3, 60.0, 500.0

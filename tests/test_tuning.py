@@ -150,6 +150,7 @@ def test_a_trial_is_slotine_and_li_on_the_reduced_model(kind: str) -> None:
     np.testing.assert_array_equal(held, np.zeros(2))  # nothing is commanded before the first tick
 
 
+@nightly
 def test_a_search_is_no_worse_than_the_rule_where_it_judges(tuned: Tuning) -> None:
     searched = tune(PUMA, search=8)
     assert searched.is_learning
@@ -160,6 +161,7 @@ def test_a_search_is_no_worse_than_the_rule_where_it_judges(tuned: Tuning) -> No
     np.testing.assert_allclose(again.adaptation, searched.adaptation, rtol=1e-9)
 
 
+@nightly
 @pytest.mark.filterwarnings("ignore::adaptctl.errors.RoundedAnglesWarning")
 def test_stiff_friction_is_integrated_not_refused() -> None:
     tuning = tune(load(urdf("xarm7.urdf")))

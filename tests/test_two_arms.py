@@ -55,6 +55,7 @@ def test_the_pair_learns_and_the_lyapunov_function_never_rises(mechanism: Mechan
     assert np.diff(lyapunov(controller, run, mechanism)).max() <= 0.0
 
 
+@nightly
 def test_every_law_of_the_experiment_has_both_arms_motors(mechanism: Mechanism) -> None:
     basis, limits = ReducedModel(mechanism).basis, EXPERIMENT.torque_limits(mechanism)
     assert basis is not None

@@ -10,7 +10,7 @@ import pytest
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import RecordEpisodeStatistics, RescaleAction
-from nightly import turn_by_turn
+from nightly import at_night, turn_by_turn
 from random_trees import random_tree
 from sampled_loops import RANGES, arm, gains, reduced
 from vector_envs import (
@@ -36,10 +36,14 @@ from adaptctl.simulation.effects import (
 )
 
 
-@pytest.mark.parametrize("settings", [{}, {"effects": effects()}], ids=["ideal", "effects"])
+@pytest.mark.parametrize("settings", [at_night({}), {"effects": effects()}])
 @pytest.mark.parametrize(
     ("name", "robot", "payload"),
-    [(PUMA, "puma560", 1.5), (LOOP, "semi_direct_drive", {"mass": 2.0, "center": [0.1, 0, 0]}), (ANY, None, 0.5)],
+    [
+        at_night((PUMA, "puma560", 1.5)),
+        (LOOP, "semi_direct_drive", {"mass": 2.0, "center": [0.1, 0, 0]}),
+        (ANY, None, 0.5),
+    ],
 )
 def test_arms_are_as_each_alone(name: str, robot: str | None, payload: Any, settings: Any) -> None:
     mechanism = random_tree(3, 3) if robot is None else arm(robot)

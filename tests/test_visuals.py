@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio
 import pytest
 from comparisons import comparison
+from nightly import mostly_at_night
 from rerun.chunk import RrdReader
 from robot_files import urdf
 
@@ -51,7 +52,9 @@ def stl(path: Path, triangles: int = 4) -> Path:
 
 
 @pytest.mark.filterwarnings("ignore::adaptctl.errors.SimplificationWarning")
-@pytest.mark.parametrize("name", ["ur5_robot.urdf", "panda.urdf", "talos_reduced.urdf"])
+@pytest.mark.parametrize(
+    "name", mostly_at_night(["ur5_robot.urdf", "panda.urdf", "talos_reduced.urdf"], "ur5_robot.urdf")
+)
 def test_real_robots_look_as_pinocchio_reads_them(name: str) -> None:
     path, description = urdf(name), read_urdf(urdf(name))
     model = pinocchio.buildModelFromUrdf(str(path))

@@ -14,7 +14,6 @@ from adaptctl.files import replacing
 from adaptctl.recording.vector import Sheet
 
 if TYPE_CHECKING:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
 
@@ -166,15 +165,11 @@ def sheet(height: float, layout: Literal["constrained"] | None = "constrained") 
 
 def write_drawings(folder: str | Path, drawings: Iterable[Drawing]) -> dict[str, Path]:
     """Write drawings as PNG files; their paths by name."""
-    import matplotlib as mpl
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
     written = {}
     for drawing in drawings:
         written[drawing.name] = Path(folder) / f"{drawing.name}.png"
-        with mpl.rc_context(STYLE), replacing(written[drawing.name]) as beside:
-            _draw_once(canvas := FigureCanvasAgg(drawing.draw()), beside)
-            canvas.renderer = None  # axes hold their figure, and its pixels would stay beside those of the next
+        with replacing(written[drawing.name]) as beside:
+            _write_png(drawing, beside)
     return written
 
 
@@ -249,10 +244,16 @@ def data_url(kind: str, content: bytes) -> str:
     return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
 
-def _draw_once(canvas: FigureCanvasAgg, path: Path) -> None:
-    """Write a figure as PNG; `savefig` would lay it out, which costs most of it, twice."""
-    _lay_out(canvas.figure)
-    canvas.print_png(path, metadata={"Software": "adaptctl"})  # type: ignore[no-untyped-call]  # Matplotlib has no types
+def _write_png(drawing: Drawing, path: Path) -> None:
+    """Write a drawing as PNG; `savefig` would lay it out, which costs most of it, twice."""
+    import matplotlib as mpl
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    with mpl.rc_context(STYLE):
+        canvas = FigureCanvasAgg(drawing.draw())
+        _lay_out(canvas.figure)
+        canvas.print_png(path, metadata={"Software": "adaptctl"})  # type: ignore[no-untyped-call]  # Matplotlib has no types
+        canvas.renderer = None  # axes hold their figure, and its pixels would stay beside those of the next
 
 
 def _lay_out(figure: Figure) -> None:
