@@ -8,7 +8,7 @@ import pytest
 from designs import ARMS, best_on_grid, direct_cost, task
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from nightly import turn_by_turn
+from nightly import mostly_at_night, turn_by_turn
 
 import adaptctl
 from adaptctl.control import Sinusoids
@@ -155,7 +155,7 @@ def test_counterweights_are_within_one_percent_of_brute_force(arm: str, objectiv
     assert found.cost_after == pytest.approx(direct_cost(T, objective, found.parameters), rel=1e-9)
 
 
-@pytest.mark.parametrize("arm", ARMS)
+@pytest.mark.parametrize("arm", mostly_at_night(ARMS, "semi_direct_drive"))
 def test_counterweights_make_components_fewer(arm: str) -> None:
     """No design of a grid has fewer."""
     T = task(arm)

@@ -44,7 +44,7 @@ def law(scale: float = 1.0) -> adaptctl.SlotineLi:
 LAW = law()
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", mostly_at_night(range(4), 0, 1))
 def test_starts_where_the_arm_stands_and_ends_at_rest(seed: int, tmp_path: Path) -> None:
     start = CENTER + np.random.default_rng(seed).uniform(-0.8, 0.8, 2)
     robot = RecordedRobot(ARM, PERIOD, start)
@@ -61,7 +61,7 @@ def test_starts_where_the_arm_stands_and_ends_at_rest(seed: int, tmp_path: Path)
     assert np.array_equal(kept.flags["reported_torque.elbow"][1:], kept.applied[:-1, 1])
 
 
-@pytest.mark.parametrize("tick", [1, 40, 133, 250, 350, 555])
+@pytest.mark.parametrize("tick", mostly_at_night([1, 40, 133, 250, 350, 555], 1, 133, 350))
 def test_ctrl_c_stops_on_the_path_and_then_the_program(tick: int) -> None:
     robot = FaultyRobot(ARM, PERIOD, CENTER)
     robot.interrupted_at = tick

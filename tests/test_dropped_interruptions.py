@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from nightly import mostly_at_night
 
 START = """
 import signal, sys, time
@@ -46,7 +47,7 @@ def ran(code: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, "-c", path + START + caught], capture_output=True, text=True, timeout=120)
 
 
-@pytest.mark.parametrize("code", [TABLES, DESTRUCTOR], ids=["tables", "destructor"])
+@pytest.mark.parametrize("code", mostly_at_night([TABLES, DESTRUCTOR], DESTRUCTOR))
 def test_a_dropped_interruption_is_heard(code: str) -> None:
     done = ran(code)
     assert (done.stdout, done.stderr, done.returncode) == ("heard\n", "", 0)

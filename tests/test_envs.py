@@ -51,7 +51,8 @@ def checked(env: gymnasium.Env[Any, Any]) -> None:
         warnings.simplefilter("error")
         warnings.filterwarnings("ignore", message=r".*For Box action spaces, we recommend")
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("adaptctl.recording.live.Live", lambda mechanism, to: SimpleNamespace(show=seen, close=seen))
+            view = SimpleNamespace(show=seen, close=seen)
+            patch.setattr("adaptctl.recording.live.Live", lambda mechanism, to, surroundings: view)
             check_env(env.unwrapped)
 
 

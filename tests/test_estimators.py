@@ -81,6 +81,7 @@ def test_instruments_leave_known_payloads_to_themselves() -> None:
         np.testing.assert_allclose(carrying.rows[cutoff].torque, rows.torque, atol=1e-3 * heavy)
 
 
+@nightly
 def test_what_instruments_are_judged_on_begins_where_their_training_ends() -> None:
     case = known(1, rate=300.0, duration=8.0)
     logs = [case.log, case.log]

@@ -168,6 +168,7 @@ def test_an_exciting_reference_is_better_conditioned_than_random_ones(found: Exc
     assert found.condition_improvement > 2.0
 
 
+@nightly
 def test_its_condition_is_that_of_the_stacked_regressor(found: ExcitationTrajectory) -> None:
     of = model("puma560_geared")
     run = exactly(found.reference, 10.0)  # a whole period

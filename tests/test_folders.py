@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 
 import pytest
-from nightly import mostly_at_night
+from nightly import mostly_at_night, nightly
 
 from adaptctl.errors import FileError
 from adaptctl.files import name_beside, replacing, write_text
@@ -256,6 +256,7 @@ def test_a_whole_run_replaces_an_old_one(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "summary.json").read_text())["complete"] is True
 
 
+@nightly
 def test_a_run_on_a_full_disk_says_so_and_leaves_the_old(tmp_path: Path) -> None:
     """No file may grow beyond some size, as where a quota or a disk ends. `AT_RANDOM=20 pytest -k full_disk` tries as
     many sizes, from 100 bytes to as much as the largest file needs."""

@@ -277,6 +277,7 @@ def test_the_real_arm_is_predicted_better_than_by_least_squares() -> None:
     assert any("link_6" in remark for remark in result.warnings)
 
 
+@nightly
 def test_predictions_use_no_measured_torque() -> None:
     """Torques of the validation log can be anything: what is predicted is the same."""
     case = known(1)

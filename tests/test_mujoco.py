@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 import pytest
 from mjcf_files import BODY, chain, mjcf
+from nightly import nightly
 
 import adaptctl
 from adaptctl.cli.main import main
@@ -389,6 +390,7 @@ def test_two_plants_are_not_one_twice() -> None:
         AdaptiveTracking(plant="twice")
 
 
+@nightly
 def test_stops_are_no_matter_of_integration(tmp_path: Path) -> None:
     stopped = SCENE.read_text().replace('range="-100 100"', 'range="-100 100" frictionloss="3"')
     path = written(tmp_path, stopped)

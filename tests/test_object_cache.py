@@ -345,6 +345,7 @@ def test_another_process_gets_the_same_code(folder: Path) -> None:
     assert len(before) == 1
 
 
+@nightly
 def test_processes_that_compile_at_once(folder: Path) -> None:
     processes = [start("print([long(k).tolist() for k in range(3)])") for _ in range(2)]
     outputs = [process.communicate(timeout=60) for process in processes]

@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from nightly import mostly_at_night
 
 from adaptctl.errors import FileError, InputError
 from adaptctl.identification.log_files import read_log
@@ -50,14 +51,14 @@ def rewritten(path: Path, **changes: float) -> Path:
     return path
 
 
-@pytest.mark.parametrize("made", [rollout, trace])
+@pytest.mark.parametrize("made", mostly_at_night([rollout, trace], trace))
 def test_own_tables_are_read_as_logs(tmp_path: Path, made: object) -> None:
     file = made(tmp_path / "run.parquet")  # type: ignore[operator]
     np.testing.assert_allclose(read_log(file).column("time", "time"), TIME, atol=1e-15)
     np.testing.assert_allclose(read_log(rewritten(file)).column("time", "time"), TIME, atol=1e-15)
 
 
-@pytest.mark.parametrize("made", [rollout, trace])
+@pytest.mark.parametrize("made", mostly_at_night([rollout, trace], rollout))
 def test_own_tables_with_other_numbers_are_refused_with_the_line_that_accepts_them(
     tmp_path: Path, made: object
 ) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from nightly import nightly
 
 from adaptctl.errors import InputError
 from adaptctl.files import toml_string
@@ -17,6 +18,7 @@ from adaptctl.sweeps.study import SweepStudy
 SHORT = {"duration": "0.05"}
 
 
+@nightly
 def test_a_search_whose_first_runs_fail_runs_the_first_controller_that_there_is() -> None:
     """No bandwidth but one is slow enough for the control period, so that few runs have a controller to tell of."""
     study = SweepStudy.named("puma560-adaptive", {**SHORT, "bandwidth": "4000,3000,2000,1000,4"})

@@ -21,7 +21,7 @@ import test_drive as driven
 from comparisons import comparison
 from every_effect import EFFECTS
 from every_law import ARM, FEW, GAIN, LAWS, MODEL, of_two, slotine_li
-from nightly import mostly_at_night
+from nightly import mostly_at_night, turn_by_turn
 from synthetic_logs import known
 from test_tunable import POINT, ticks
 
@@ -248,8 +248,7 @@ def made(root: str) -> Any:
     return ROOTS[root]()
 
 
-@pytest.mark.parametrize("root", ROOTS)
-@pytest.mark.parametrize("sent", WAYS, ids=["copied", "pickled"])
+@pytest.mark.parametrize(("root", "sent"), turn_by_turn(ROOTS, WAYS))
 def test_what_comes_back_is_what_was_sent(root: str, sent: Callable[[Any], Any]) -> None:
     validate_alike(sent(made(root)), made(root), {})
 

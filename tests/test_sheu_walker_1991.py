@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from msgspec import structs
+from nightly import turn_by_turn
 from rerun.chunk import RrdReader
 
 from adaptctl.cli.main import main
@@ -211,8 +212,9 @@ def beyond(check: Check, tolerance: float, direction: int) -> str:
 FAILING = {Outturn.NOT_REPRODUCED, Outturn.ERRATUM}
 
 
-@pytest.mark.parametrize("direction", [-1, 1])
-@pytest.mark.parametrize("name", [name for name in ITEMS if printed().items[name].rows])
+@pytest.mark.parametrize(
+    ("name", "direction"), turn_by_turn([name for name in ITEMS if printed().items[name].rows], [-1, 1])
+)
 def test_every_verdict_fails_where_a_printed_number_is_moved_by_its_tolerance(
     replication: Replication, item: Callable[[str], Item], name: str, direction: int
 ) -> None:

@@ -12,7 +12,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.wrappers import RescaleAction, TimeLimit
-from nightly import at_night
+from nightly import at_night, mostly_at_night
 from random_trees import random_chain
 from sampled_loops import RANGES, arm, full, gains, reduced, swinging
 
@@ -147,14 +147,14 @@ def both(env: gymnasium.Env[Any, Any], controller: Controller[Any], **arguments:
     return native
 
 
-@pytest.mark.parametrize("law", CONTROLLERS)
+@pytest.mark.parametrize("law", mostly_at_night(CONTROLLERS, *list(CONTROLLERS)[::3]))
 def test_every_law_runs_as_in_the_gymnasium_loop(law: str) -> None:
     run = both(environment(SMALL), CONTROLLERS[law](SMALL))
     assert len(run.time) == 1000
     assert run.reached_end
 
 
-@pytest.mark.parametrize("effects", EFFECTS)
+@pytest.mark.parametrize("effects", mostly_at_night(EFFECTS, *list(EFFECTS)[::2]))
 def test_every_effect_acts_as_in_the_gymnasium_loop(effects: str) -> None:
     run = both(environment(SMALL, effects), on(SMALL, Gradient(gain(SMALL))), seed=7)
     assert run.measured_p is not None

@@ -8,6 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from nightly import mostly_at_night
 from numpy.typing import NDArray
 
 from adaptctl.compilation import compile_function, compile_step
@@ -102,7 +103,10 @@ PAIRS: dict[str, Callable[[], Pair]] = {
 }
 
 
-@pytest.fixture(scope="module", params=PAIRS)
+@pytest.fixture(
+    scope="module",
+    params=mostly_at_night(PAIRS, *list(PAIRS)[::2]),
+)
 def pair(request: pytest.FixtureRequest) -> Pair:
     return PAIRS[request.param]()
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 import pytest
-from nightly import at_night
+from nightly import at_night, mostly_at_night
 
 from adaptctl.compilation import compile_function, compile_step, outlined
 from adaptctl.scalars import Column, cos, sin
@@ -77,7 +77,7 @@ CASES: Mapping[Equation, tuple[int, int]] = {
 
 
 @pytest.mark.parametrize("widths", [(1, 8), at_night(((2, 4),))])
-@pytest.mark.parametrize("equation", CASES, ids=lambda equation: equation.__name__)
+@pytest.mark.parametrize("equation", mostly_at_night(CASES, chain_of_steps, long, known_sines))
 def test_native_code_finds_what_floats_do(equation: Equation, widths: tuple[int, int]) -> None:
     n, m = CASES[equation]
     rng = np.random.default_rng(0)

@@ -127,6 +127,7 @@ class TestStudies:
 
 
 class TestRows:
+    @nightly
     @pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
     def test_a_batch_s_rows_are_those_of_each_run_alone(self) -> None:
         names = ("adaptive", "adaptation-off", "computed-torque")
@@ -366,6 +367,7 @@ class TestCommand:
         assert told in line
 
 
+@nightly
 def test_a_user_s_own_cluster_is_used(tmp_path: Path) -> None:
     import distributed
 

@@ -66,6 +66,7 @@ def constants(result: Identification) -> Array:
     return np.array([motor.torque_constant for motor in result.drives.motors], dtype=np.float64)
 
 
+@nightly
 def test_a_known_payload_settles_every_constant() -> None:
     result = found(3, ["unknown"] * 3, (PAYLOAD,))
     assert constants(result) == pytest.approx(CONSTANTS, rel=0.05)

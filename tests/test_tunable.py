@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from every_law import ARM, GAIN, LAWS, slotine_li
+from nightly import mostly_at_night
 
 from adaptctl.arrays import Array
 from adaptctl.control import (
@@ -70,7 +71,7 @@ def test_models_have_one_structure_if_they_have_one_mechanism_and_basis() -> Non
     assert laws[0].structure != laws[2].structure
 
 
-@pytest.mark.parametrize("name", WITH_GAINS)
+@pytest.mark.parametrize("name", mostly_at_night(WITH_GAINS, *list(WITH_GAINS)[::4]))
 def test_laws_that_differ_in_gains_alone_share_native_code_and_do_not_mix_them_up(name: str) -> None:
     law, other = LAWS[name].tuned(LAWS[name].numbers), changed(LAWS[name])
     before = ticks(law)

@@ -178,6 +178,7 @@ def test_absurd_limits_are_none() -> None:
     assert tuning.verified[0].final_rms_error < 1e-5
 
 
+@nightly
 def test_a_load_beyond_the_limits_is_told(tuned: Tuning) -> None:
     tight = np.where(np.arange(6) == 1, 8.0, tuned.torque_limits)
     upright = judged_reference(PUMA, tight, Sinusoids(np.zeros(6), np.full(6, 0.1), np.full(6, 0.2)))

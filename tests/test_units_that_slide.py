@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from comparisons import comparison
 from matplotlib.figure import Figure
+from nightly import nightly
 from synthetic_logs import known
 
 from adaptctl.description import JointKind, Limits
@@ -96,6 +97,7 @@ def test_coupling_is_in_the_unit_of_its_joints(cart: Path) -> None:
     assert [coupling_unit(arm) for arm in (alone, sliding)] == ["kg m²", "kg"]
 
 
+@nightly
 def test_two_plants_say_so(cart: Path) -> None:
     compared = AdaptiveTracking(robot=str(cart), plant="both", duration=2.0).compare(silent)
     assert {f.unit for f in compared.findings if f.name.startswith("plants_apart")} == {"rad or m"}

@@ -10,7 +10,7 @@ import pytest
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import RecordEpisodeStatistics, RescaleAction
-from nightly import at_night, turn_by_turn
+from nightly import at_night, nightly, turn_by_turn
 from random_trees import random_tree
 from sampled_loops import RANGES, arm, gains, reduced
 from vector_envs import (
@@ -116,6 +116,7 @@ def test_any_number_of_arms_and_seeds(arms: int) -> None:
             agree(rows(ours.step(action), few), theirs.step(action[few]), f"step {k}: ")
 
 
+@nightly
 def test_loops_end_where_they_may_not_work() -> None:
     settings = {"error_bound": np.inf, "duration": 1.0}
     ours, theirs = vector(LOOP, 4, **settings), one_by_one(LOOP, 4, **settings)

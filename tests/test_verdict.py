@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from nightly import turn_by_turn
+from nightly import nightly, turn_by_turn
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import load
@@ -184,6 +184,7 @@ def test_a_failure_that_is_expected_without_a_reason_is_told_too() -> None:
     assert verdict.before("It learns.") == "It learns. As expected: It clips. As expected (no gravity): It falls."
 
 
+@nightly
 def test_what_an_experiment_compares_with_is_not_judged() -> None:
     """Computed torque without a model falls; the verdict is on the adaptive controller."""
     shown = AdaptiveTracking(duration=3.0, seed=1).compare(lambda what, share: None)
