@@ -221,6 +221,7 @@ def test_an_interruption_in_a_class_that_an_import_defines_is_one_still(
     assert sys.modules.pop("interrupted_module").DEFINED
 
 
+@pytest.mark.filterwarnings("ignore:.*URDF has no rotor inertias:adaptctl.errors.SimplificationWarning")
 @pytest.mark.parametrize("robot", ["two_link", at_night("puma560_measured"), at_night("ur5_robot.urdf")])
 def test_any_arm_learns_with_gains_from_its_own_inertia_and_limits(robot: str) -> None:
     source = str(urdf(robot)) if robot.endswith("urdf") else robot

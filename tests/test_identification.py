@@ -45,7 +45,8 @@ def test_the_truth_is_within_two_deviations(colour: float, count: int) -> None:
     z = np.concatenate([(result.estimate - truth) / result.deviations for result, truth in cases])
     assert len(z) > 15 * count
     assert np.mean(np.abs(z) < 2.0) >= 0.93  # 95 %, less a deviation and a half of so many draws
-    assert 0.8 < np.sqrt(np.mean(z**2)) < 1.25
+    # Below 1: they hold the larger of two kinds of noise, a quantile of few blocks, and what the prior may bias.
+    assert 0.7 < np.sqrt(np.mean(z**2)) < 1.25
 
 
 @pytest.mark.parametrize("count", mostly_at_night([3, 10], 3))
