@@ -7,6 +7,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
 from typing import TypeAlias
 
+COMPILING = "compiling to native code, which the next run finds in the cache"
 Watcher: TypeAlias = Callable[[str], AbstractContextManager[object]]
 
 _watcher: ContextVar[Watcher] = ContextVar("_watcher", default=nullcontext)

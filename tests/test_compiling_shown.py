@@ -10,7 +10,7 @@ import pytest
 from adaptctl.cli import compiling
 from adaptctl.cli.compiling import Announcement
 from adaptctl.compilation import compile_function
-from adaptctl.stages import stage, watching
+from adaptctl.stages import COMPILING, stage, watching
 
 
 def announced(monkeypatch: pytest.MonkeyPatch, patience: float, *seconds: float) -> list[str]:
@@ -20,7 +20,7 @@ def announced(monkeypatch: pytest.MonkeyPatch, patience: float, *seconds: float)
     announcement = Announcement(lambda: told.append("shown"), lambda: told.append("hidden"))
     with watching(announcement):
         for each in seconds:
-            with stage("compiling"):
+            with stage(COMPILING):
                 time.sleep(each)
                 told.append("compiled")
     return told
@@ -33,13 +33,21 @@ def test_it_is_shown_from_the_first_second_in_all(monkeypatch: pytest.MonkeyPatc
     assert announced(monkeypatch, 0.0, 0.2, 0.2) == 2 * ["shown", "compiled", "hidden"]
 
 
+def test_another_stage_is_not_taken_for_compilation(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compiling, "PATIENCE", 0.0)
+    told: list[str] = []
+    with watching(Announcement(lambda: told.append("shown"), lambda: told.append("hidden"))), stage("fitting"):
+        time.sleep(0.2)
+    assert told == []
+
+
 def test_what_fails_hides_it_too(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(compiling, "PATIENCE", 0.0)
     told: list[str] = []
     announcement = Announcement(lambda: told.append("s"), lambda: told.append("h"))
 
     def interrupted() -> None:
-        with announcement("compiling"):
+        with announcement(COMPILING):
             time.sleep(0.2)
             raise KeyboardInterrupt
 

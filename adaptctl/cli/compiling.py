@@ -7,6 +7,8 @@ from contextlib import contextmanager
 from threading import Timer
 from time import perf_counter
 
+from adaptctl.stages import COMPILING
+
 PATIENCE = 1.0
 """Seconds of compilation in all after which it is shown."""
 
@@ -19,7 +21,10 @@ class Announcement:
 
     @contextmanager
     def __call__(self, what: str) -> Iterator[None]:
-        """Context manager of one compilation."""
+        """Context manager of one stage, of which compilations count."""
+        if what != COMPILING:
+            yield
+            return
         timer, started = Timer(max(self._left, 0.0), self._appear), perf_counter()
         timer.daemon = True
         timer.start()

@@ -16,7 +16,7 @@ import llvmlite.binding as llvm
 from adaptctl.compilation.lanes import Precision
 from adaptctl.compilation.object_cache import ObjectCache, cache_folder
 from adaptctl.errors import InputError
-from adaptctl.stages import stage
+from adaptctl.stages import COMPILING, stage
 
 _WIDEST = {"avx512f": 8, "avx": 4, "sse2": 2, "neon": 2}
 """doubles per register by instruction set; the first available counts"""
@@ -143,7 +143,7 @@ def _key(text: str, processor: Processor, triple: str) -> bytes:
 
 
 def _compiled(text: str, machine: llvm.TargetMachine) -> bytes:
-    with stage("compiling to native code, which the next run finds in the cache"):
+    with stage(COMPILING):
         return _emitted(text, machine)
 
 
