@@ -265,7 +265,7 @@ class SignalsAhead:
     """Values of varying columns, evaluated for a block of control periods and given in parts of it."""
 
     def __init__(self, references: ReferencesOfMany, control_period: float, steps: int) -> None:
-        self._references, self._period, self._steps = references, control_period, steps
+        self.references, self._period, self._steps = references, control_period, steps
         self._first, self._end, self._kept = 0, 0, dict[str, Array]()
 
     def part(self, first: int, count: int) -> Mapping[str, Array]:
@@ -273,7 +273,7 @@ class SignalsAhead:
         if not self._first <= first <= first + count <= self._end:
             self._first, self._end = first, min(first + max(count, AHEAD), self._steps)
             time: Array = self._period * np.arange(self._first, self._end, dtype=np.float64)
-            self._kept = dict(self._references.signals(time))
+            self._kept = dict(self.references.signals(time))
         place = slice(first - self._first, first - self._first + count)
         return {name: values[place] for name, values in self._kept.items()}
 

@@ -277,7 +277,6 @@ class _Batch(NamedTuple):
 
     members: slice
     arms: Ensemble
-    references: ReferencesOfMany
     signals: SignalsAhead
     noise: Noise
 
@@ -345,9 +344,8 @@ class _Runs(Driven):
         self.batches, sources = [], Noise.of(seeds, count, BATCH, loop.noise["noise"])
         for first, noise in zip(range(0, count, BATCH), sources, strict=True):
             arms = slice(first, first + noise.members)
-            references = self.references.of_arms(arms)
-            ahead = SignalsAhead(references, self.control_period, self.steps)
-            batch = _Batch(arms, stepper.ensemble(noise.members), references, ahead, noise)
+            signals = SignalsAhead(self.references.of_arms(arms), self.control_period, self.steps)
+            batch = _Batch(arms, stepper.ensemble(noise.members), signals, noise)
             chosen = {name: x[arms] for name, x in gains.items()}
             self._start(batch, p[arms], v[arms], _of_arms(memory, arms), chosen, bounds)
             self.batches.append(batch)
@@ -364,7 +362,7 @@ class _Runs(Driven):
         loop.set_state(arms, state, new)
         rise, true = first_rise(watched(loop, self.precision), own, gains)
         largest = float(np.finfo(arms.stepper.dtype).max)
-        held: dict[str, Any] = {"parameters": own, **batch.references.held, "final": float(self.final), **true}
+        held: dict[str, Any] = {"parameters": own, **batch.signals.references.held, "final": float(self.final), **true}
         held |= {name: np.minimum(bound, largest) for name, bound in bounds.items()}
         if gains:
             held[GAINS] = np.concatenate([x.reshape(len(x), -1) for x in gains.values()], axis=1)
@@ -393,7 +391,7 @@ class _Runs(Driven):
         end = self.steps if every in (None, 1) else min(first + -first % (every or 1) + 1, self.steps)
         time = self.ahead(min(end - first, self.longest))
         kept = slice(self._samples(first), self._samples(first + len(time)))
-        for members, arms, _, ahead, noise in self.batches:
+        for members, arms, ahead, noise in self.batches:
             if plant.loads:
                 arms.held["parameters"] = plant.parameters(self.parameters[members], time[0])
             signals = {**ahead.part(first, len(time)), "noise": noise.drawn(len(time))}
