@@ -7,9 +7,13 @@ import os
 import signal
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import settings
+
+if TYPE_CHECKING:
+    from adaptctl.recording.drawing import Drawing
 
 # One worker runs on each core. A second thread of OpenBLAS would wait there in a loop, and products of small matrices
 # take up to a hundred times as long. NumPy reads this when it is first imported, in processes started here too.
@@ -32,10 +36,16 @@ def elsewhere(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     os.chdir(here)
 
 
-def blank(drawing: object, path: Path) -> None:
-    """An empty picture as PNG."""
+_built: set[str] = set()
+
+
+def blank(drawing: Drawing, path: Path) -> None:
+    """An empty picture as PNG; a process builds each figure once, so that one which cannot be built is seen."""
     from PIL import Image
 
+    if drawing.name not in _built:
+        drawing.draw()
+        _built.add(drawing.name)
     Image.new("RGB", (184, 80), "white").save(path, "png")
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from nightly import mostly_at_night, nightly
+from nightly import at_night, mostly_at_night, nightly
 from random_trees import random_chain
 from scipy.optimize import minimize
 from synthetic_logs import joint_drives, known, motion
@@ -39,14 +39,20 @@ def found(seed: int, colour: float) -> tuple[Identification, np.ndarray]:
     return result, result.model.regrouping @ case.truth.inertial_parameters
 
 
-@pytest.mark.parametrize(("colour", "count"), mostly_at_night([(0.0, 3), (0.9, 3), (0.0, 10), (0.9, 10)], (0.9, 3)))
+# Deviations hold the larger of two kinds of noise and what the prior may bias: over ten logs they are too wide.
+WIDE = pytest.mark.xfail(strict=True, reason="errors are 0.77 and 0.79 of the deviations, and at least 0.8 is expected")
+
+
+@pytest.mark.parametrize(
+    ("colour", "count"),
+    [(0.9, 3), at_night((0.0, 3)), *(pytest.param(colour, 10, marks=[nightly, WIDE]) for colour in (0.0, 0.9))],
+)
 def test_the_truth_is_within_two_deviations(colour: float, count: int) -> None:
     cases = [found(seed, colour) for seed in range(count)]
     z = np.concatenate([(result.estimate - truth) / result.deviations for result, truth in cases])
     assert len(z) > 15 * count
     assert np.mean(np.abs(z) < 2.0) >= 0.93  # 95 %, less a deviation and a half of so many draws
-    # Below 1: they hold the larger of two kinds of noise, a quantile of few blocks, and what the prior may bias.
-    assert 0.7 < np.sqrt(np.mean(z**2)) < 1.25
+    assert 0.8 < np.sqrt(np.mean(z**2)) < 1.25
 
 
 @pytest.mark.parametrize("count", mostly_at_night([3, 10], 3))
