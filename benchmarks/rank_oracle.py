@@ -14,10 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from adaptctl.description import Closure, ClosureKind, Description, Joint, JointKind, Link, Loops, Pose
+from adaptctl.description import Description, Joint, JointKind, Link, Loops, Pose
+from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism
+from benchmarks.rank_field import FIELD, circle, residue
+from benchmarks.rank_gears import Gear, Shaft, followed, rotor_energies
+from benchmarks.rank_loops import FiveBar, branch, crank
 
-FIELD = 2**61 - 1
 Matrix = list[list[Fraction]]
 RIGHT = (Fraction(0), Fraction(1))
 """Cosine and sine of a right angle."""
@@ -62,9 +65,7 @@ def pose(matrix: Matrix) -> Pose:
 
 def residues(matrix: Matrix) -> Any:
     """Modulo the prime (4, 4), as objects."""
-    return np.array(
-        [[x.numerator * pow(x.denominator, -1, FIELD) % FIELD for x in row] for row in matrix], dtype=object
-    )
+    return np.array([[residue(x) for x in row] for row in matrix], dtype=object)
 
 
 @dataclass
@@ -89,14 +90,18 @@ class Case:
     """rad or of a length, by which it is nearly special; 0 where it is not."""
     scale: Fraction = Fraction(1)
     """m of the unit of length."""
+    gears: tuple[Gear, ...] = ()
+    shafts: tuple[Shaft, ...] = ()
 
     def mechanism(self) -> Mechanism:
         """The mechanism in floats."""
+        turns = [link.turns for link in self.links]
+        drives = {shaft.joint: shaft.drive(turns, self.scale) for shaft in self.shafts}
         links = tuple(
             Link(
                 f"link{i + 1}",
                 link.parent,
-                Joint(f"joint{i + 1}", JointKind.REVOLUTE if link.turns else JointKind.PRISMATIC),
+                self._joint(i, drives.get(i, Drive())),
                 self._pose(link.near),
                 self._pose(link.far),
                 np.array([1.0, 0, 0, 0, 1, 0, 1, 0, 0, 1]),
@@ -104,7 +109,16 @@ class Case:
             for i, link in enumerate(self.links)
         )
         loops = None if self.loop is None else self.loop.loops(float(self.scale))
+        if self.gears:
+            couplings = tuple(gear.coupling(turns, self.scale) for gear in self.gears)
+            followers = {c.follower for c in couplings}
+            free = tuple(link.joint.name for link in links if link.joint.name not in followers)
+            loops = Loops(free, couplings=couplings)
         return Mechanism(Description(self.kind, links, np.array(self.gravity) * 9.81, loops=loops))
+
+    def _joint(self, i: int, drive: Drive) -> Joint:
+        kind = JointKind.REVOLUTE if self.links[i].turns else JointKind.PRISMATIC
+        return Joint(f"joint{i + 1}", kind, drive=drive)
 
     def _pose(self, matrix: Matrix) -> Pose:
         return pose(
@@ -114,13 +128,15 @@ class Case:
     def differences(self, seed: int) -> Any:
         """H (samples, P) modulo the prime, as objects."""
         rng = np.random.default_rng([seed, 61])
-        samples = 10 * len(self.links) + 4
+        samples = 10 * len(self.links) + len(self.shafts) + 4
         q, v = (_random_columns(rng, samples, len(self.links)) for _ in range(2))
-        turns = [_circle(x) for x in q]
+        turns = [circle(x) for x in q]
         rates = v
         if self.loop is not None:
             turns, rates = self.loop.closed(turns, v, rng)
+        turns, q, rates = followed(self.gears, turns, q, rates)
         E = _energies(self.links, turns, q, rates, self.gravity)
+        E = np.column_stack([E, *rotor_energies(self.shafts, rates)])
         return (E[1:] - E[:1]) % FIELD
 
 
@@ -140,15 +156,6 @@ def independent(matrix: Any, order: Sequence[int]) -> list[int]:
 
 def _random_columns(rng: np.random.Generator, samples: int, columns: int) -> list[Any]:
     return [np.array([int(x) for x in rng.integers(1, FIELD, samples)], dtype=object) for _ in range(columns)]
-
-
-def _inverse(x: Any) -> Any:
-    return np.array([pow(int(y), -1, FIELD) for y in np.atleast_1d(x)], dtype=object)
-
-
-def _circle(t: Any) -> tuple[Any, Any]:
-    over = _inverse((1 + t * t) % FIELD)
-    return (1 - t * t) * over % FIELD, 2 * t * over % FIELD
 
 
 def _energies(
@@ -190,103 +197,6 @@ def _joint(turns: bool, circle: tuple[Any, Any], q: Any, v: Any, samples: int) -
     M[:, 0, 0], M[:, 0, 1], M[:, 1, 0], M[:, 1, 1] = c, -s, s, c
     dM[:, 0, 0], dM[:, 0, 1], dM[:, 1, 0], dM[:, 1, 1] = -s * v, -c * v, c * v, -s * v
     return M, dM
-
-
-@dataclass
-class FiveBar:
-    """Cranks l1 at the origin and l2 at (base, 0), or none there; rods l3 on the one, l4 on the other, that meet.
-
-    Links from `first` on: crank 1, rod 3, then crank 2, if any, and rod 4. Of a parallelogram's two branches the
-    parallel one is meant; otherwise both are one.
-    """
-
-    first: int
-    lengths: tuple[Fraction, Fraction, Fraction, Fraction]
-    base: Fraction
-    cranks: int
-    parallel: bool
-    reference: dict[str, float]
-
-    def loops(self, scale: float) -> Loops:
-        """The closure, with the reference."""
-        last = self.first + (3 if self.cranks == 2 else 2)
-        ends = [Pose(np.eye(3), np.array([float(x) * scale, 0.0, 0.0])) for x in self.lengths[2:]]
-        closure = Closure("loop", f"link{self.first + 2}", f"link{last + 1}", *ends, ClosureKind.POINT)
-        free = [f"joint{i + 1}" for i in range(self.first)] + [f"joint{self.first + 1}"]
-        free += [f"joint{self.first + 3}"] if self.cranks == 2 else []
-        return Loops(tuple(free), (closure,), (), self.reference)
-
-    def closed(self, turns: list[Any], v: list[Any], rng: np.random.Generator) -> tuple[list[Any], list[Any]]:
-        """Rods' turns and rates from the cranks'; cranks are drawn anew where the circles do not meet in the field."""
-        k, samples = self.first, len(v[0])
-        turns, v = list(turns), list(v)
-        l1, l2, l3, l4 = (x.numerator * pow(x.denominator, -1, FIELD) % FIELD for x in self.lengths)
-        base = self.base.numerator * pow(self.base.denominator, -1, FIELD) % FIELD
-        rows = [self._one(turns, v, i, (l1, l2, l3, l4, base), rng) for i in range(samples)]
-        places = [k, k + 1, k + 2] + ([k + 3] if self.cranks == 2 else [])
-        for j, place in enumerate(places):
-            turns[place] = tuple(np.array([row[j][m] for row in rows], dtype=object) for m in range(2))
-            v[place] = np.array([row[j][2] for row in rows], dtype=object)
-        return turns, v
-
-    def _one(
-        self, turns: list[Any], v: list[Any], i: int, lengths: tuple[int, ...], rng: np.random.Generator
-    ) -> list[Any]:
-        l1, l2, l3, l4, base = lengths
-        p, k, two = FIELD, self.first, self.cranks == 2
-        while True:
-            (c1, s1), (c2, s2) = (_one_circle(rng) for _ in range(2))
-            w1, w2 = int(v[k][i]), int(v[k + 2][i]) if two else 0
-            B = (l1 * c1 % p, l1 * s1 % p)
-            C = ((base + l2 * c2) % p, l2 * s2 % p) if two else (base, 0)
-            d = ((C[0] - B[0]) % p, (C[1] - B[1]) % p)
-            square = (d[0] * d[0] + d[1] * d[1]) % p
-            if square == 0:
-                continue
-            a = (l3 * l3 - l4 * l4 + square) * pow(2 * square, -1, p) % p
-            if self.parallel:
-                P = ((C[0] + B[0]) % p, (C[1] + B[1]) % p) if two else ((B[0] + base) % p, B[1])
-            else:
-                height = (l3 * l3 - a * a * square) * pow(square, -1, p) % p
-                if height == 0 or pow(height, (p - 1) // 2, p) != 1:
-                    continue
-                h = pow(height, (p + 1) // 4, p)
-                P = ((B[0] + a * d[0] - h * d[1]) % p, (B[1] + a * d[1] + h * d[0]) % p)
-            e = [
-                ((P[0] - start[0]) * pow(x, -1, p) % p, (P[1] - start[1]) * pow(x, -1, p) % p)
-                for start, x in ((B, l3), (C, l4))
-            ]
-            # l1 w1 n1 + l3 w3 n3 = l2 w2 n2 + l4 w4 n4, n across each bar: two equations for w3 and w4.
-            r = [(-l1 * w1 * s1 + l2 * w2 * s2) % p, (l1 * w1 * c1 - l2 * w2 * c2) % p]
-            A = [[-l3 * e[0][1], l4 * e[1][1]], [l3 * e[0][0], -l4 * e[1][0]]]
-            det = (A[0][0] * A[1][1] - A[0][1] * A[1][0]) % p
-            if det == 0:
-                continue
-            over = pow(det, -1, p)
-            w3 = (-r[0] * A[1][1] + r[1] * A[0][1]) * over % p
-            w4 = (-A[0][0] * r[1] + A[1][0] * r[0]) * over % p
-            rod = (*_less(e[0], (c1, s1)), (w3 - w1) % p)
-            if not two:
-                return [(c1, s1, w1), rod, (*e[1], w4)]
-            return [(c1, s1, w1), rod, (c2, s2, w2), (*_less(e[1], (c2, s2)), (w4 - w2) % p)]
-
-
-def _along(start: tuple[int, int], end: tuple[int, int], length: int) -> tuple[int, int]:
-    """The direction from one point to another."""
-    over = pow(length, -1, FIELD)
-    return (end[0] - start[0]) * over % FIELD, (end[1] - start[1]) * over % FIELD
-
-
-def _one_circle(rng: np.random.Generator) -> tuple[int, int]:
-    t = int(rng.integers(1, FIELD))
-    over = pow(1 + t * t, -1, FIELD)
-    return (1 - t * t) * over % FIELD, 2 * t * over % FIELD
-
-
-def _less(one: tuple[int, int], other: tuple[int, int]) -> tuple[int, int]:
-    """The angle from the other direction to the one."""
-    (a, b), (c, d) = one, other
-    return (a * c + b * d) % FIELD, (b * c - a * d) % FIELD
 
 
 def length(rng: np.random.Generator) -> Fraction:
@@ -358,7 +268,7 @@ def five_bar(rng: np.random.Generator, near: bool = False) -> Case:
         base, l3, l4 = Fraction(0), l2, l1
     elif parallel:
         l3, l4 = base, l1
-    apart = abs(_crank(float(l1), 1.1) - float(base) - (_crank(float(l2), 2.4) if cranks == 2 else 0.0))
+    apart = abs(crank(float(l1), 1.1) - float(base) - (crank(float(l2), 2.4) if cranks == 2 else 0.0))
     if not float(abs(l3 - l4)) + 0.05 < apart < float(l3 + l4) - 0.05:
         return five_bar(rng, near)  # It does not close where its reference is.
     miss = float(10.0 ** rng.uniform(-9.0, -4.2)) if near and parallel else 0.0
@@ -375,25 +285,6 @@ def five_bar(rng: np.random.Generator, near: bool = False) -> Case:
     links.append(ExactLink(ground, True, second, flat))
     if cranks == 2:
         links.append(ExactLink(first + 2, True, shifted(l2, 0, 0), flat))
-    reference = _reference(first, tuple(map(float, (l1, l2, l3, l4))), float(base), cranks, parallel)
+    reference = branch(first, tuple(map(float, (l1, l2, l3, l4))), float(base), cranks, parallel)
     bar = FiveBar(first, (l1, l2, l3, l4), base, cranks, parallel and not miss, reference)
     return Case("near loop" if miss else "loop", links, (0, 0, -1), bar, miss)
-
-
-def _crank(length: float, angle: float) -> complex:
-    return complex(length * np.exp(1j * angle))
-
-
-def _reference(first: int, bars: tuple[float, ...], base: float, cranks: int, parallel: bool) -> dict[str, float]:
-    a1, a2 = 1.1, 2.4 if cranks == 2 else 0.0
-    B = _crank(bars[0], a1)
-    C = base + (_crank(bars[1], a2) if cranks == 2 else 0.0)
-    d = C - B
-    a = (bars[2] ** 2 - bars[3] ** 2 + abs(d) ** 2) / (2 * abs(d) ** 2)
-    h = np.sqrt(max(bars[2] ** 2 / abs(d) ** 2 - a * a, 0.0))
-    meant = (B + C if cranks == 2 else B + base) if parallel else None
-    P = min((B + d * (a + s * 1j * h) for s in (1, -1)), key=lambda z: abs(z - meant) if meant is not None else -z.imag)
-    angles = [a1, np.angle((P - B) / np.exp(1j * a1)), a2, np.angle((P - C) / np.exp(1j * a2))]
-    if cranks == 1:
-        angles = [*angles[:2], angles[3]]
-    return {f"joint{first + 1 + i}": float(x) for i, x in enumerate(angles)}

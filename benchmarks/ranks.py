@@ -17,23 +17,30 @@ from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import AdaptctlError, RankError
 from adaptctl.identifiability import EssentialSpace, Priority, essential_space, fundamental_basis
-from benchmarks.rank_oracle import Case, Fraction, bent, five_bar, independent, tree
+from benchmarks.rank_gears import draw_gears, draw_shafts
+from benchmarks.rank_oracle import Case, Fraction, bent, five_bar, independent, tree, twist
 
 MILLIMETRE = Fraction(1, 1000)
 
 
 def drawn(seed: int) -> Case:
-    """A random case by seed: of twenty, six chains, six trees, four nearly special chains, three closed loops and one
-    nearly special loop; two in five in millimetres or kilometres."""
+    """A random case by seed: of twenty, four chains, four trees, four trees with joints that follow others, four nearly
+    special chains, three closed loops and one nearly special loop; two in five in millimetres or kilometres, and two in
+    three of those not nearly special with rotors, on shafts of several joints or of one."""
     rng = np.random.default_rng([seed, 7])
     pick = seed % 20
     if pick < 12:
-        case = tree(rng, int(rng.integers(1, 9)), pick >= 6)
+        case = tree(rng, int(rng.integers(1, 9)), pick >= 4)
     elif pick < 16:
         case = bent(rng, int(rng.integers(2, 7)))
     else:
         case = five_bar(rng, pick == 19)
     case.scale = (Fraction(1), Fraction(1), Fraction(1), MILLIMETRE, 1 / MILLIMETRE)[int(rng.integers(5))]
+    turns = [link.turns for link in case.links]
+    if 8 <= pick < 12 and len(turns) > 1:
+        case.gears = draw_gears(rng, turns, lambda: twist(rng))
+    if not case.miss and rng.random() < 2.0 / 3.0:
+        case.shafts = draw_shafts(rng, len(turns))
     return case
 
 
@@ -42,11 +49,12 @@ def judged(seed: int) -> Iterator[str]:
     case = drawn(seed)
     H = case.differences(seed)
     rank, mechanism = len(independent(H, range(H.shape[1]))), case.mechanism()
-    kind = f"{case.kind}: " if case.miss else "generic: "
+    kind = f"{case.kind}: " if case.miss else "shafts: " if case.shafts else "gears: " if case.gears else "generic: "
     for rule, found in peers(mechanism, seed).items():
         yield f"{kind}{rule} {'right' if found == rank else 'WRONG'}"
     order = np.random.default_rng(seed).permutation(H.shape[1]).tolist() if seed % 2 else None
-    for method in ("svd", "transfers") if case.loop is None else ("svd",):
+    plain = mechanism.description.loops is None and not mechanism.description.drive_couplings
+    for method in ("svd", "transfers") if plain else ("svd",):
         try:
             space = essential_space(mechanism, method=method, prove=None if seed % 3 else True)  # type: ignore[arg-type]
         except RankError as error:

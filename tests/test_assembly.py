@@ -121,6 +121,18 @@ def test_a_closure_that_adds_nothing() -> None:
     refused(linkage(more=(again,)), "closure 'again' is redundant: other constraints imply it; remove it")
 
 
+@pytest.mark.parametrize("reference", [{}, {"rack": 500.0}])
+def test_followers_start_at_their_leaders_however_far(reference: dict[str, float]) -> None:
+    """A pinion many turns from where its rack is at zero."""
+    links = [
+        Link("rack", -1, Joint("rack", JointKind.PRISMATIC), STILL, STILL, random_inertia(np.random.default_rng(0))),
+        Link("pinion", -1, Joint("pinion"), STILL, STILL, random_inertia(np.random.default_rng(1))),
+    ]
+    loops = Loops(("rack",), couplings=(Coupling("teeth", "pinion", "rack", 40.0, 300.0),), reference=reference)
+    arm = Mechanism(Description("feed", tuple(links), loops=loops))
+    np.testing.assert_allclose(arm.configuration([0.5]), [0.5, 320.0], rtol=1e-15)
+
+
 def test_a_coupling_that_adds_nothing() -> None:
     """A parallelogram's opposite sides turn alike by themselves."""
     square = {"crank": 1.0, "coupler": -1.0, "rocker": 1.0}

@@ -368,20 +368,6 @@ def test_as_much_changes_at_a_joint_exactly_as_in_floats(seed: int) -> None:
     assert arithmetic.ranks(changes) == tuple(map(len, seen))
 
 
-@pytest.mark.parametrize("seed", range(12))
-def test_drives_that_turn_with_several_joints_are_proved(seed: int) -> None:
-    """Their energy is in products of rates, which no joint has alone."""
-    rng = np.random.default_rng(seed)
-    links = int(rng.integers(2, 6))
-    names = random_tree(seed, links).description.joint_names
-    drives = []
-    for i in range(links):
-        other = names[(i + int(rng.integers(1, links))) % links]
-        drives.append(Drive(rotor_inertia=0.1, turns_with=((other, float(rng.choice([-1.0, 0.5, 3.0]))),)))
-    certificate = essential_space(random_tree(seed, links).with_drives(drives), prove=True).certificate
-    assert certificate.rank == certificate.rank_exact
-
-
 def test_two_slides_with_a_shaft_in_common() -> None:
     """The span of both squares of rates, their product and one potential."""
     slides = random_chain(3, 2)

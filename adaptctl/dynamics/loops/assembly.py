@@ -28,7 +28,7 @@ def assembled(description: Description, loops: Loops, links: Sequence[Segment]) 
     """Independent closure conditions, and the closed reference configuration (n,)."""
     every = _everything(description, loops)
     elements = _element_names(loops, every)
-    guess = np.array([loops.reference.get(name, 0.0) for name in description.joint_names])
+    guess = _guess(description, loops)
     # First with every joint free, so that primary joints that do not fit are named as such.
     nearest = _closed(description.name, every, links, guess, range(len(guess)), elements)
     # A little way on, so that a singular reference is not mistaken for constraints or joints that do not fit.
@@ -42,6 +42,16 @@ def assembled(description: Description, loops: Loops, links: Sequence[Segment]) 
     _validate_regular(description, every, links, q, rank)
     rows = _independent_rows(jacobian[:, every.dependent], rank)
     return Closing(every.loops, every.followers, rows, every.primary, every.dependent), q
+
+
+def _guess(description: Description, loops: Loops) -> Array:
+    """Reference (n,), zero where not given; followers at their leaders, however far, as steps from there are short."""
+    index = {name: i for i, name in enumerate(description.joint_names)}
+    guess = np.array([loops.reference.get(name, 0.0) for name in index])
+    for c in loops.couplings:
+        if c.follower not in loops.reference:
+            guess[index[c.follower]] = c.ratio * guess[index[c.leader]] + c.offset
+    return guess
 
 
 def _everything(description: Description, loops: Loops) -> Closing:
