@@ -298,6 +298,21 @@ def test_one_run_is_repeated_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert main(["contest", str(written(tmp_path)), "--out", str(tmp_path / "no"), "--law", "pd"]) == 2
 
 
+@pytest.mark.nightly
+def test_laws_are_timed_one_by_one_and_kept_while_they_are_as_they_were(own: str, tmp_path: Path) -> None:
+    laws, out = ["true", "own.py:Ends", "own.py:Slower", "own.py:Raises"], tmp_path / "out"
+    (tmp_path / "own.py").write_text(OWN + "class Ends(Own):\n    def law(self, *_):\n        raise SystemExit(3)\n")
+    asked = ["contest", str(written(tmp_path, laws=laws)), "--out", str(out), "--jobs", "1", "--measure-step-time"]
+    assert main(asked) == 0
+    rows = pq.read_table(out / "times.parquet").to_pylist()
+    assert {row["law"]: row["step"] is None for row in rows} == {
+        "true": False, "Ends": True, "Slower": False, "Raises": True
+    }  # fmt: skip
+    assert main(asked) == 0
+    assert pq.read_table(out / "times.parquet").to_pylist() == rows
+    assert "step, µs" in (out / "index.html").read_text()
+
+
 def lesson(folder: Path) -> tuple[str, list[list[str]]]:
     """Write the files of the lesson; its text and its commands."""
     page = Path("docs/tutorials/enter-the-contest.md").read_text()

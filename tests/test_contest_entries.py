@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from pathlib import Path
+from time import perf_counter
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from contest_rows import entry
+from contest_rows import entry, reasons
 
 from adaptctl.contest.entries import LONGEST_REASON, ContestEntry, _laws
 from adaptctl.contest.known import Knowledge
 from adaptctl.contest.laws import Entrant
 from adaptctl.contest.measures import COLUMNS
+from adaptctl.contest.own_process import rows_alone
 from adaptctl.contest.running import rows_as_table, rows_of_table
+from adaptctl.contest.step_times import NAMES, STEPS, times_of
 from adaptctl.contest.trial import TimeExceededError
 from adaptctl.errors import InputError
 
@@ -65,6 +69,34 @@ def test_one_law_serves_all_seeds_that_are_told_the_same() -> None:
     several = made(Knowledge.TRUTH, 1.0, 2.0, 1.0)
     assert [law.told[0] for law in several] == [1.0, 2.0, 1.0]
     assert several[0] is several[2]
+
+
+def test_a_law_that_ends_its_process_is_a_row_with_its_reason(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text("import os\nos._exit(3)\n")
+    rows = rows_alone(entry(f"{tmp_path / 'own.py'}:Law", seeds=(1, 2)))
+    assert reasons(rows) == {"ended the process that ran it, with code 3"}
+    assert [(row["law"], row["seed"]) for row in rows] == [("Law", 1), ("Law", 2)]
+
+
+@pytest.mark.nightly
+def test_a_law_of_ones_own_has_the_same_rows_in_a_process_of_its_own(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(
+        "from adaptctl.control import Gradient\nprint('loaded')\nclass Law(Gradient):\n    pass\n"
+    )
+    one = entry(f"{tmp_path / 'own.py'}:Law", seeds=(1, 2))
+    alone, here = (rows_as_table(rows, COLUMNS, "") for rows in (rows_alone(one), one.rows()))
+    assert alone.equals(here)
+    assert reasons(one.rows()) == {""}
+
+
+def test_times_of_a_law_are_those_of_its_compilation_and_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ADAPTCTL_CACHE", "")
+    began = perf_counter()
+    found = times_of(entry("true"))
+    took = perf_counter() - began
+    assert 0.0 < found["making"] + found["compilation"] < took
+    assert 0.0 < 1e-6 * STEPS * found["step"] < took
+    assert np.isnan([times_of(entry("no such law"))[name] for name in NAMES]).all()
 
 
 def test_names_of_entries_tell_all_that_their_rows_depend_on() -> None:

@@ -20,6 +20,7 @@ from adaptctl.contest.measures import ContestRuns, measured
 from adaptctl.contest.page import content, short, tint, write_page
 from adaptctl.contest.ranking import Ranking, agreement
 from adaptctl.contest.resampling import median_interval, medians
+from adaptctl.contest.step_times import slowest
 
 
 def test_failures_are_ranked_last_and_ratios_are_paired() -> None:
@@ -145,6 +146,22 @@ def test_the_page_of_a_large_contest_is_small_and_asks_for_nothing_else(tmp_path
     assert text.count("data-cell=") == 30
 
 
+def test_the_page_has_the_times_of_laws_that_were_timed(tmp_path: Path) -> None:
+    ranking = Ranking([{**row, "curve": [1.0]} for row in rows_of(ROWS)])
+    laws = [{"law": "best", "making": 0.5, "compilation": x, "step": 1.5} for x in (2.25, 3.75, np.nan)]
+    laws += [{"law": law, "making": np.nan, "compilation": np.nan, "step": np.nan} for law in list(ROWS)[1:]]
+    times = slowest(laws)
+    assert times["best"] == {"making": 0.5, "compilation": 3.75, "step": 1.5}
+    contest, texts = Contest.of(written(tmp_path)), []
+    for taken in ({}, times):
+        write_page(tmp_path / "index.html", contest, ranking, ranking.table(), taken)
+        texts.append((tmp_path / "index.html").read_text())
+    heads = [re.findall('<th scope="col".*?</th>', text) for text in texts]
+    assert len(heads[1]) == len(heads[0]) + 3
+    assert ">3.75</td>" in texts[1]
+    assert ">3.75</td>" not in texts[0]
+
+
 def test_figures_have_names_units_and_legends() -> None:
     ranking = Ranking([{**row, "curve": [2.0, 1.0]} for row in rows_of(ROWS)])
     found = {one.name: one.draw() for one in drawings(ranking, ranking.table(), 20.0)}
@@ -215,7 +232,7 @@ def test_the_page_has_each_run_its_course_and_what_it_is_compared_with(tmp_path:
     assert data["runs"][0] == [[[1.0, 2.0, 3.0, 4.0], [2.0, 4.0, 6.0, 8.0]]]  # robot, condition, seed
     assert data["curves"][0] == [[[7.5, 2.5], [7.5, 2.5]]]
     assert data["curves"][3] == [[[0.3, 0.1], [0.3, 0.1]]]  # of the runs that did not fail
-    told = content(contest, ranking, table)
+    told = content(contest, ranking, table, {})
     assert [row["name"] for row in told["rows"]] == ranking.order
     heads = dict(zip(told["heads"][1:], told["rows"][1]["cells"], strict=True))
     own = next(row for row in table if (row["law"], row["condition"]) == ("best", "all"))

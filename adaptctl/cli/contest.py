@@ -26,6 +26,7 @@ def contest(
     robot: Annotated[str | None, Parameter(group=ONE)] = None,
     condition: Annotated[str | None, Parameter(group=ONE)] = None,
     seed: Annotated[int | None, Parameter(group=ONE)] = None,
+    measure_step_time: Annotated[bool, Parameter(group=WHERE, negative="")] = False,
     jobs: Annotated[int | None, Parameter(group=WHERE)] = None,
     scheduler: Annotated[str | None, Parameter(group=WHERE)] = None,
     scheduler_file: Annotated[Path | None, Parameter(group=WHERE)] = None,
@@ -50,6 +51,8 @@ def contest(
         Only this condition of the file.
     seed : int
         Only this seed of the file.
+    measure_step_time : bool
+        After the runs, also time each law on this machine, which should do nothing else: to make, to compile, a step.
     jobs : int
         Number of local processes. Default: one per processor.
     scheduler : str
@@ -70,6 +73,7 @@ def contest(
     """
     from adaptctl.contest.contest_file import Contest
     from adaptctl.contest.running import ContestFolder
+    from adaptctl.contest.step_times import write_times
     from adaptctl.sweeps.cluster import Cluster
 
     found = Contest.of(file).only({"law": law, "robot": robot, "condition": condition, "seed": seed})
@@ -78,6 +82,8 @@ def contest(
     with interruptible() as interruption, shown_progress() as progress:
         heeded = interruption.heeded(progress)
         folder.run(cluster, lambda share: heeded(f"{len(folder.entries())} laws on robots", share))
+        if measure_step_time:
+            write_times(folder, lambda share: heeded("times of the laws", share))
     return _told(folder)
 
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import math
 import shlex
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from types import MappingProxyType
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -24,11 +26,15 @@ HEADS = (
     *("return, s", "torque error, unseen motion", "torque", "its rate, 1/s", "saturated", "operations"),
     *("knows", "gains", "how it fails"),
 )
+TIME_HEADS = {"step": "step, µs", "compilation": "to compile, s", "making": "to make, tuning included, s"}
 CITATION = "Adaptctl: adaptive control of robot mechanisms on minimal inertial parameters (CITATION.cff)."
 GOOD, BAD, LOST = Color(96, 165, 230), Color(240, 150, 80), Color(214, 196, 214)
 """Colors of a hundredth and a hundredfold error, and of failures."""
 DECADES = 2.0
 """Decades from 1 at which colors are full."""
+
+
+Times: TypeAlias = Mapping[str, Mapping[str, float]]
 
 
 class PageCell(NamedTuple):
@@ -46,15 +52,17 @@ def short(value: float) -> str:
     return "–" if math.isnan(value) else "∞" if math.isinf(value) else f"{value:.3g}"
 
 
-def write_page(path: Path, contest: Contest, ranking: Ranking, table: list[dict[str, Any]]) -> None:
-    """Write the page of a contest with these ranks."""
+def write_page(
+    path: Path, contest: Contest, ranking: Ranking, table: list[dict[str, Any]], times: Times = MappingProxyType({})
+) -> None:
+    """Write the page of a contest with these ranks and, if any, the times of its laws."""
     with needed("the page of a contest"):
         import jinja2
     template = jinja2.Environment(autoescape=True).from_string(Path(__file__).with_suffix(".html").read_text())
-    write_text(path, template.render(content(contest, ranking, table), data=_data(contest, ranking)))
+    write_text(path, template.render(content(contest, ranking, table, times), data=_data(contest, ranking)))
 
 
-def content(contest: Contest, ranking: Ranking, table: list[dict[str, Any]]) -> dict[str, Any]:
+def content(contest: Contest, ranking: Ranking, table: list[dict[str, Any]], times: Times) -> dict[str, Any]:
     """Names of the template and their values."""
     asked, conditions = contest.asked, ranking.conditions
     own = {(row["law"], row["condition"]): row for row in table}
@@ -66,8 +74,10 @@ def content(contest: Contest, ranking: Ranking, table: list[dict[str, Any]]) -> 
         + f"; {asked.duration:g} s each, plant: {asked.plant}.",
         "difference": f"Differences below {short(ranking.critical_difference)} are not significant (Nemenyi, 5 %)."
         + (f" Between two halves of the seeds: {halves}." if (halves := ranking.halves()) else ""),
-        "heads": HEADS,
-        "rows": [{"name": law, "cells": _cells(own[law, ALL])} for law in ranking.order],
+        "heads": (*HEADS, *(TIME_HEADS.values() if times else ())),
+        "rows": [
+            {"name": law, "cells": [*_cells(own[law, ALL]), *_timed(times.get(law, {}))]} for law in ranking.order
+        ],
         "map_told": f"Median error over that of {over} in equal runs." if over else "Median error in mrad.",
         "conditions": [{"name": name, "meaning": CONDITIONS[name].meaning} for name in conditions],
         "cells": [{"name": law, "cells": [_mapped(own[law, x], over) for x in conditions]} for law in ranking.laws],
@@ -96,6 +106,11 @@ def _cells(row: dict[str, Any]) -> list[PageCell]:
         *(PageCell(row[name], row[name]) for name in ("knows", "gains")),
         PageCell(row["failure"], row["failure"], words=True),
     ]
+
+
+def _timed(times: Mapping[str, float]) -> list[PageCell]:
+    """Cells of a law's times, if they were taken."""
+    return [PageCell(short(times[name]), times[name]) for name in TIME_HEADS if times]
 
 
 def _over(row: dict[str, Any], name: str) -> PageCell:

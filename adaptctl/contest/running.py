@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 from adaptctl.contest.contest_file import Contest
 from adaptctl.contest.entries import ContestEntry, Row
 from adaptctl.contest.measures import COLUMNS
+from adaptctl.contest.own_law import is_own
+from adaptctl.contest.own_process import rows_alone
 from adaptctl.contest.scene import robot_name
 from adaptctl.errors import FileError
 from adaptctl.files import write_json
@@ -51,6 +53,10 @@ class ContestFolder:
             return read_checked(self.place(entry)).num_rows == len(entry.conditions) * len(entry.seeds)
         except FileError:
             return False
+
+    def fails(self, entry: ContestEntry) -> bool:
+        """True if all runs of an entry failed."""
+        return "" not in read_checked(self.place(entry))["reason"].to_pylist()
 
     def run(self, cluster: Cluster, progress: Callable[[float], object]) -> pa.Table:
         """Run all entries that are missing, and return the table of all rows."""
@@ -107,23 +113,15 @@ def rows_of_table(table: pa.Table) -> list[Row]:
 
 def rows_of(entry: ContestEntry) -> list[Row]:
     """Rows of an entry, where a worker computes them."""
-    return entry.rows()
+    return rows_alone(entry) if is_own(entry.law) else entry.rows()
 
 
 def computed(client: Any, missing: dict[str, ContestEntry]) -> Iterator[tuple[ContestEntry, list[Row]]]:
-    """Entries and their rows as they end; one whose law ends the worker too has rows with that reason."""
+    """Entries and their rows as they end."""
     import distributed
 
     given: dict[str, Any] = {"pure": False, "retries": MAX_ATTEMPTS}
     futures = [client.submit(rows_of, entry, key=key, **given) for key, entry in missing.items()]
     for future in distributed.as_completed(futures):  # type: ignore[no-untyped-call]
-        entry = missing.pop(future.key)
-        error = future.exception()
-        if isinstance(error, distributed.scheduler.KilledWorker):
-            reason = "ended the process that ran it"
-            yield entry, [row for name in entry.conditions for row in entry.failed(name, reason)]
-        elif error is not None:
-            raise error
-        else:
-            yield entry, future.result()
+        yield missing.pop(future.key), future.result()
         future.release()
