@@ -15,7 +15,7 @@ from scipy.optimize import minimize
 from synthetic_logs import joint_drives, known, motion
 
 from adaptctl.description.drive import Drive, DriveParameter
-from adaptctl.description.inertia import is_physically_consistent, pseudo_inertia
+from adaptctl.description.inertia import from_center_of_mass, is_physically_consistent, pseudo_inertia
 from adaptctl.dynamics import load
 from adaptctl.errors import InputError
 from adaptctl.identification import Identification, identify
@@ -111,6 +111,17 @@ def test_the_divergences_slopes_are_its_derivatives(seed: int) -> None:
         bent / np.outer(scale, scale), prior.curvature(x, 3.0) / np.outer(scale, scale), atol=1e-3
     )
     assert prior.distance(prior.start(21)) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_edge_of_the_cone_tells_nothing_of_where_the_truth_is() -> None:
+    """The barrier's curvature grows without bound there; what holds links from afar is the prior's own."""
+    tens = np.stack([link.inertia for link in random_chain(5, 2).links])
+    prior = EntropicPrior(tens, np.arange(0), np.zeros(0))
+    thin = np.stack([from_center_of_mass(2.0, [0.1, 0.2, 0.3], 1e-9 * np.eye(3)), tens[1]]).ravel()
+    near = prior.hold(tens.ravel(), 3.0)
+    np.testing.assert_allclose(near, prior.curvature(tens.ravel(), 3.0), rtol=1e-9)
+    assert np.abs(prior.curvature(thin, 3.0)).max() > 1e6 * np.abs(near).max()
+    assert np.all(np.linalg.eigvalsh(near - prior.hold(thin, 3.0)) > -1e-9 * np.abs(near).max())
 
 
 def test_a_heavy_prior_is_kept_and_a_light_one_gives_way() -> None:

@@ -12,10 +12,12 @@ from synthetic_logs import Known, known
 from adaptctl.description.drive import Drive, DriveParameter
 from adaptctl.errors import InputError
 from adaptctl.identification.choice import choose
+from adaptctl.identification.fit import FitSettings
 from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.gathering import gathered
 from adaptctl.identification.identify import identified
-from adaptctl.identification.springs import known_springs, with_springs
+from adaptctl.identification.springs import known_springs, with_springs, with_untold_springs
+from adaptctl.identification.uncertainty import uncertainty
 from adaptctl.identification.validation import validate_plausible
 
 STIFFNESS, REST = 40.0, 0.3
@@ -68,6 +70,17 @@ def test_a_motion_too_small_for_a_spring_is_refused(case: Known) -> None:
     evidence, _, _ = gathered(with_springs(case.guess, NAMED), case.drives, [small], cutoff=8.75)
     with pytest.raises(InputError, match="friction: the log does not tell stiffness from the gravity of links"):
         choose(evidence, NAMED, 1.0, 8.75)
+
+
+def test_a_spring_left_out_as_untold_is_an_error_of_others(case: Known) -> None:
+    """The offset of the joint takes the spring's rest: farther than noise would move it."""
+    evidence, _, _ = gathered(with_springs(case.guess, NAMED), case.drives, [case.log], cutoff=8.75)
+    fit = evidence.fit(FitSettings(NAMED, 1e-3, 8.75, untold=("joint1.stiffness",)), range(evidence.blocks))
+    place = evidence.mechanism.parameter_names.index("joint1.offset")
+    noise = uncertainty(evidence, fit)
+    offset = np.eye(len(fit.x))[[place]]
+    off = abs(fit.x[place] + STIFFNESS * REST)
+    assert 2.0 * noise.of(offset)[0] < off < 2.0 * with_untold_springs(noise, evidence, fit).of(offset)[0]
 
 
 def test_springs_of_the_file_are_tried_as_they_are(case: Known) -> None:

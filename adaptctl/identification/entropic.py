@@ -9,7 +9,13 @@ from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.caching import cached_property
-from adaptctl.description.inertia import UNIT_PSEUDO_INERTIAS, from_center_of_mass, inertia_tensor, pseudo_inertia
+from adaptctl.description.inertia import (
+    UNIT_PSEUDO_INERTIAS,
+    from_center_of_mass,
+    from_pseudo_inertia,
+    inertia_tensor,
+    pseudo_inertia,
+)
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 
@@ -86,6 +92,19 @@ class EntropicPrior:
         for i, block in enumerate(blocks):
             out[10 * i : 10 * i + 10, 10 * i : 10 * i + 10] = block
         out[self.positive, self.positive] = POSITIVE_WEIGHT / x[self.positive] ** 2
+        return out
+
+    def hold(self, x: Array, weight: float) -> Array:
+        """Curvature (P, P) of the links' divergence without its barrier: what pulls them to the prior from afar."""
+        # The barrier is stiff where a fit is at the edge of the cone, which says nothing of where the truth is.
+        roots = np.linalg.cholesky(np.stack([pseudo_inertia(ten) for ten in self.tens]))
+        inner = np.linalg.inv(roots)
+        ratios, axes = np.linalg.eigh(inner @ self.matrices(x) @ inner.mT)
+        clear = roots @ (axes * np.maximum(ratios, 1.0)[:, None]) @ axes.mT @ roots.mT
+        moved = x.copy()
+        moved[: self.tens.size] = np.concatenate([from_pseudo_inertia(matrix) for matrix in clear])
+        out = self.curvature(moved, weight)
+        out[self.tens.size :, self.tens.size :] = 0.0
         return out
 
     def matrices(self, x: Array) -> Array:

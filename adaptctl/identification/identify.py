@@ -15,12 +15,7 @@ from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError, shown
 from adaptctl.identifiability import ReducedModel
 from adaptctl.identifiability.factorisation import one_thread
-from adaptctl.identification.choice import (
-    Choice,
-    choose,
-    judged_at,
-    misfit_ratio,
-)
+from adaptctl.identification.choice import Choice, choose, judged_at, misfit_ratio
 from adaptctl.identification.columns import JointLog, joint_columns, joint_log
 from adaptctl.identification.contradictions import contradictions
 from adaptctl.identification.delay import delay_of, without_delay
@@ -38,7 +33,7 @@ from adaptctl.identification.log_files import read_log
 from adaptctl.identification.own_gravity import validate_not_added, with_own_gravity
 from adaptctl.identification.payloads import with_unknown_payloads
 from adaptctl.identification.preparation import PreparationStep
-from adaptctl.identification.springs import is_answered, known_springs, left_out, with_springs
+from adaptctl.identification.springs import is_answered, known_springs, left_out, with_springs, with_untold_springs
 from adaptctl.identification.torque_constants import Completion, completed, is_complete, with_constants
 from adaptctl.identification.uncertainty import combinations, essential_components, uncertainty
 from adaptctl.identification.validation import alternatives, validate_plausible
@@ -344,6 +339,7 @@ def _result(
     onto = np.zeros((len(model.columns), len(fit.x)))
     onto[:, places] = model.regrouping
     spread = with_lasting_errors(uncertainty(evidence, fit), evidence, fit)
+    spread = with_untold_springs(spread, evidence, fit)
     rough = PriorRanges().for_parameters(model.names) * np.isin(model.names, fit.settings.untold)
     kept = [places[c] for c in model.columns]
     space, components = essential_components(*_states(identified, evidence))

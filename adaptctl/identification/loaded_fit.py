@@ -163,7 +163,7 @@ def _covariance(problem: LoadedEquations, x: Array, c: Array, deviations: Array)
     links, kept = problem.prior.tens.size, np.arange(len(x) + len(problem.unknown))
     A, _ = problem.pinned(*problem.linearised(problem.equations, x, c, deviations))
     pull = np.zeros_like(A)
-    pull[:links, :links] = problem.prior.curvature(x, PRIOR_WEIGHT)[:links, :links]
+    pull[:links, :links] = problem.prior.hold(x, PRIOR_WEIGHT)[:links, :links]
     H, z = A + pull, np.concatenate([x, np.zeros(len(problem.unknown))])
     steps = []
     for k in range(len(problem.equations.count)):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +12,12 @@ from adaptctl.arrays import Array
 from adaptctl.description.drive import Drive, DriveParameter
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
-from adaptctl.identification.fit import FitSettings, LogEvidence
+from adaptctl.identification.fit import Fit, FitSettings, LogEvidence
 from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.hypotheses import LogMeaning
 from adaptctl.identification.least_squares import weighted_least_squares
 from adaptctl.identification.listed_hypotheses import COUNTERBALANCE, DELAY, SPRING
+from adaptctl.identification.uncertainty import Uncertainty, inverse_curvature, scaled_inverse
 
 # Share of a column's squares that other columns leave, below which it is one of them; nominal deviations that a term
 # must be below (those of rows are too small by about three, as errors last), as a share of the joint's torque.
@@ -106,6 +108,21 @@ def _doubts(
         doubt = DEVIATIONS * float(np.sqrt(inverse[k, k])) / float(size[k]) * swing / float(torque[j] or 1.0)
         found.append(doubt if left > LEAST_LEFT else np.inf)
     return found
+
+
+def with_untold_springs(found: Uncertainty, evidence: LogEvidence, fit: Fit) -> Uncertainty:
+    """Uncertainty with what springs would change that are left out as untold, but are not quite other terms."""
+    names, kinds = evidence.mechanism.parameter_names, fit.settings.friction.kinds
+    A, b = evidence.equations(fit.settings, range(evidence.blocks)).whitened(fit.deviations)
+    columns = evidence.independent(fit.settings)
+    told, bias = scaled_inverse(A, columns), found.bias
+    for c in (names.index(name) for name in fit.settings.untold if DriveParameter(name.rsplit(".", 1)[1]) in kinds):
+        left = float(A[c, c] - A[c] @ told @ A[c])
+        if left > LEAST_LEFT * A[c, c]:
+            effect = inverse_curvature(evidence, fit)[0] @ A[c]
+            square = (float(b[c] - A[c] @ fit.x) / left) ** 2 + DEVIATIONS**2 / left
+            bias = bias + square * np.outer(effect, effect)
+    return replace(found, bias=bias)
 
 
 def told_kinds(mechanism: Mechanism, untold: tuple[str, ...]) -> tuple[DriveParameter, ...]:

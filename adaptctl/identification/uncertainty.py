@@ -89,10 +89,7 @@ def inverse_curvature(evidence: LogEvidence, fit: Fit) -> tuple[Array, NDArray[n
 
 def _pull(evidence: LogEvidence, fit: Fit) -> Array:
     """Curvature (P, P) of the links' prior."""
-    prior = evidence.prior_of(fit.settings)
-    pull = prior.curvature(fit.x, fit.settings.weight)
-    pull[prior.tens.size :, prior.tens.size :] = 0.0
-    return pull
+    return evidence.prior_of(fit.settings).hold(fit.x, fit.settings.weight)
 
 
 def _blocks(evidence: LogEvidence, fit: Fit) -> Iterator[tuple[Array, Array]]:
