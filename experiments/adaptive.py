@@ -190,7 +190,7 @@ class AdaptiveTracking(FromFile):
         """Chosen settings: gains, limits, reference, notes."""
         tuning = self.tuning(mechanism)
         rule = "from prior ranges by typical inertias and reach, scaled to a normalised adaptation gain of"
-        gain = f"{rule} {tuning.adaptation_ratio:.3g}, mapped"
+        gain = f"{rule} {self.adaptation_ratio:.3g}, mapped"
         yield from chosen_gains(tuning.gains, gain, "adaptation gain: rate × (prior range)²")
         for name, unit in (("center", "rad"), ("amplitude", "rad"), ("frequency", "Hz")):
             values = getattr(tuning.reference, name)

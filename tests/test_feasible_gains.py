@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 from two_links import ARM, AT_REST, LIMITS, changed
 
 from adaptctl.control import Sinusoids
@@ -84,8 +85,11 @@ def test_viscous_friction_is_inertia_and_coulomb_friction_is_none() -> None:
     rubbing = ARM.with_drives([Drive(viscous=300.0, coulomb=5.0), Drive(viscous=50.0)])
     p, limits = np.zeros((2, 2)), np.full(2, 1e6)
     found = feasible_gains(rubbing, limits, p, np.full(2, 0.1), 1e-3, 4.0, 0.5)
-    held = ARM.mass_matrix(p)[0] + np.diag([0.3, 0.05])
-    assert found.free_inertia == pytest.approx(1.0 / np.diagonal(np.linalg.inv(held)))
+    M, B = ARM.mass_matrix(p)[0], np.diag([300.0, 50.0])
+    decay = expm(-1e-3 * np.linalg.solve(M, B))
+    # A held torque u takes v to decay v + (1 - decay) B^-1 u, which turns over where K is the following.
+    turns_over = B @ np.linalg.solve(np.eye(2) - decay, np.eye(2) + decay)
+    assert found.free_inertia == pytest.approx(1.0 / np.diagonal(np.linalg.inv(0.5e-3 * turns_over)))
 
 
 def test_what_limits_gains_is_told_in_the_units_of_the_joint() -> None:

@@ -13,6 +13,7 @@ from nightly import at_night, nightly
 from adaptctl.cli.main import main
 from adaptctl.control import Sinusoids
 from adaptctl.control.gains.gains import finite_torque_limits
+from adaptctl.control.gains.sampling_ratio import sampling_ratios
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError, SimplificationWarning
@@ -128,6 +129,20 @@ def test_the_rotor_that_is_named_allows_four_times_the_damping(tuned: Tuning) ->
         PUMA.with_drives(drives), tuned.torque_limits, mine.postures, tuned.initial_error, PERIOD, 4.0, 0.5
     )
     assert helped.gains.damping[5] / carried.gains.damping[5] == pytest.approx(4.0, rel=0.3)
+
+
+def test_ratios_are_told_of_positions_to_which_no_gain_was_fitted(tuned: Tuning) -> None:
+    rng, gains = np.random.default_rng(77), tuned.gains
+    points = tuned.reference(rng.uniform(0.0, 20.0, 20_000))
+    error = tuned.initial_error * rng.choice([-1.0, 1.0], points.p.shape)
+    v_r, a_r = points.v - gains.bandwidth * error, points.a + gains.bandwidth**2 * error
+    Y = PUMA.slotine_li_regressor(points.p + error, points.v, v_r, a_r)
+    fresh = achieved_adaptation_ratio(Y, gains.damping, tuned.adaptation, PERIOD)
+    assert tuned.adaptation_ratio > 1.02 * 0.5  # more than where it was fitted
+    assert 0.95 * tuned.adaptation_ratio < fresh < 1.05 * tuned.adaptation_ratio
+    margin = rng.uniform(-0.2, 0.2, points.p.shape)
+    ratios = sampling_ratios(PUMA, points.p + margin, gains.damping, PERIOD)
+    assert 0.98 * tuned.sampling_ratio < ratios.max() < 1.02 * tuned.sampling_ratio
 
 
 @pytest.mark.parametrize("kind", ["gradient", "learning"])

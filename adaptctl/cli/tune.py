@@ -50,8 +50,8 @@ def tune(
     bandwidth : float
         Largest bandwidth Λ, 1/s.
     sampling_ratio : float
-        Damping K by its largest T λ_max((M + T B)⁻¹K) along the reference, with control period T,
-        mass matrix M and viscous friction B; stable below 2.
+        Damping K by its largest T λ_max(M⁻¹K) along the reference, with control period T and mass
+        matrix M, corrected for viscous friction; stable below 2.
     adaptation_ratio : float
         Adaptation gain Γ by its largest T λ_max(K⁻¹ Y Γ Yᵀ) along the reference, with regressor Y; stable below 2.
     search : int

@@ -22,6 +22,7 @@ from adaptctl.errors import InputError, validate_kind
 from adaptctl.tuning.feasible_gains import (
     REFERENCE_MARGIN,
     FeasibleGains,
+    achieved_sampling_ratio,
     common_error,
     feasible_gains,
     recoverable_error,
@@ -31,6 +32,7 @@ from adaptctl.tuning.feasible_reference import FeasibleReference, feasible_refer
 DEFAULT_BANDWIDTH = 4.0  # 1/s
 DEFAULT_SAMPLING_RATIO = 0.5  # a third of what is allowed
 REFERENCE_SAMPLES, SAMPLES_OF_MANY_JOINTS, FEW_JOINTS = 120, 40, 10
+FRESH_SAMPLES = 10  # times as many, where gains were not fitted
 HORIZON = 20.0  # s of the reference
 MIN_INITIAL_ERROR = 1e-2  # rad (m), for the choice of gains
 MIN_LEVER = 0.05  # m, behind a last joint
@@ -42,12 +44,10 @@ Shares: TypeAlias = Literal["ranges", "links", "parameters", "mixed"]
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """Tracking gains, adaptation gain (P,), and their two ratios."""
+    """Tracking gains and adaptation gain (P,)."""
 
     feasible: FeasibleGains
     gain: Array
-    sampling_ratio: float
-    adaptation_ratio: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +62,7 @@ class DefaultGains:
     reference_points: ReferencePoint
     postures: Array
     errors: Array
+    seed: int = 0
 
     @classmethod
     def for_mechanism(
@@ -84,9 +85,8 @@ class DefaultGains:
             found = judged_reference(mechanism, limits, reference)
         error = given if given is not None else recoverable_error(mechanism, limits, found.reference)
         rng, points = np.random.default_rng(seed), found.reference(np.linspace(0.0, HORIZON, _samples(mechanism)))
-        return cls(
-            mechanism, control_period, limits, found, error, points, *_samples_near(mechanism, points.p, error, rng)
-        )
+        near = _samples_near(mechanism, points.p, error, rng)
+        return cls(mechanism, control_period, limits, found, error, points, *near, seed)
 
     @property
     def reference(self) -> Reference:
@@ -110,12 +110,29 @@ class DefaultGains:
     def proposed(self, bandwidth: float, hold: float, adaptation: float, shares: Shares) -> Proposal:
         """Proposal with this adaptation ratio."""
         adaptation = at_most("adaptation_ratio", adaptation, 1.0)
-        mechanism, points, carried = self.mechanism, self.reference_points, self.carried(bandwidth, hold)
-        rates, damping = carried.gains.bandwidth, carried.gains.damping
-        v_r, a_r = points.v - rates * self.errors, points.a + rates**2 * self.errors
-        regressor = mechanism.slotine_li_regressor(points.p + self.errors, points.v, v_r, a_r)
+        mechanism, carried = self.mechanism, self.carried(bandwidth, hold)
+        regressor = _regressor(mechanism, self.reference_points, self.errors, carried.gains.bandwidth)
+        damping = carried.gains.damping
         gain = feasible_gain(mechanism, regressor, damping, self.ranges, self.control_period, adaptation, shares)
-        return Proposal(carried, gain, hold, adaptation)
+        return Proposal(carried, gain)
+
+    def achieved(self, proposal: Proposal) -> tuple[float, float]:
+        """Greatest sampling and adaptation ratios near the reference, where the gains were not fitted."""
+        mechanism, rates = self.mechanism, proposal.feasible.gains.bandwidth
+        damping, rng = proposal.feasible.gains.damping, np.random.default_rng([self.seed, 1])
+        points = self.reference(rng.uniform(0.0, HORIZON, FRESH_SAMPLES * _samples(mechanism)))
+        postures, errors = _samples_near(mechanism, points.p, self.initial_error, rng)
+        regressor = _regressor(mechanism, points, errors, rates)
+        return (
+            achieved_sampling_ratio(mechanism, postures, damping, self.control_period),
+            achieved_adaptation_ratio(regressor, damping, proposal.gain, self.control_period),
+        )
+
+
+def _regressor(mechanism: Mechanism, points: ReferencePoint, errors: Array, rates: Array) -> Array:
+    """Slotine and Li's regressor (S, r, P) on a reference, with tracking errors."""
+    v_r, a_r = points.v - rates * errors, points.a + rates**2 * errors
+    return mechanism.slotine_li_regressor(points.p + errors, points.v, v_r, a_r)
 
 
 def near_reference(mechanism: Mechanism, reference: Reference, initial_error: Array) -> Workspace:

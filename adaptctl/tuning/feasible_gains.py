@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from adaptctl.arrays import Array
 from adaptctl.control import Gains
 from adaptctl.control.controller import Reference
+from adaptctl.control.gains.sampling_ratio import sampled_inertia
 from adaptctl.control.gains.workspace import reachable
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
-from adaptctl.scalars import column
 from adaptctl.tuning.feasible_reference import motion_ranges
 
 DAMPING_TORQUE_SHARE = 0.5  # of a torque limit, for damping at the initial error
@@ -45,11 +45,20 @@ def feasible_gains(
     inertia = np.diagonal(M, axis1=1, axis2=2).max(axis=0)
     reachable = np.sqrt(ACCELERATION_SHARE * limits / (inertia * off))
     rates = np.asarray(np.minimum(bandwidth, reachable), dtype=np.float64)
-    inverse = np.asarray(np.linalg.inv(M + control_period * _viscous(mechanism, p)), dtype=np.float64)
+    inverse = _inverse(mechanism, p, M, control_period)
     affordable = np.asarray(DAMPING_TORQUE_SHARE * limits / (rates * off), dtype=np.float64)
     damping = _largest_damping(inverse, control_period, hold, affordable)
     free = 1.0 / np.diagonal(inverse, axis1=1, axis2=2).max(axis=0)
     return FeasibleGains(Gains(rates, damping), damping < 0.99 * affordable, free, reachable < bandwidth)
+
+
+def achieved_sampling_ratio(mechanism: Mechanism, p: Array, damping: Array, control_period: float) -> float:
+    """Greatest T lambda_max(M^-1 K) at positions (S, r), M the inertia under a held torque."""
+    return _worst(_inverse(mechanism, p, mechanism.mass_matrix(p), control_period), control_period, damping)[0]
+
+
+def _inverse(mechanism: Mechanism, p: Array, M: Array, control_period: float) -> Array:
+    return np.asarray(np.linalg.inv(sampled_inertia(mechanism, p, M, control_period)), dtype=np.float64)
 
 
 def _largest_damping(inverse: Array, control_period: float, hold: float, affordable: Array) -> Array:
@@ -71,17 +80,6 @@ def _worst(inverse: Array, control_period: float, damping: Array) -> tuple[float
     values, vectors = np.linalg.eigh(control_period * inverse * root[:, None] * root)
     worst = int(values[:, -1].argmax())
     return float(values[worst, -1]), np.asarray(vectors[worst, :, -1] ** 2)
-
-
-def _viscous(mechanism: Mechanism, p: Array) -> Array:
-    """Viscous friction (S, r, r) at high speed."""
-    parameters = mechanism.inertial_parameters.copy()
-    coulomb = [name.endswith(".coulomb") for name in mechanism.parameter_names]
-    parameters[coulomb] = 0.0
-    q = column(mechanism.configuration(p))
-    rows = mechanism.equations.damping(q, column(np.ones_like(p)), column(parameters))
-    filled = [[np.broadcast_to(np.asarray(x, dtype=np.float64), p.shape[:1]) for x in row] for row in rows]
-    return np.moveaxis(np.array(filled), -1, 0)
 
 
 def _validate_inertia(mechanism: Mechanism, M: Array) -> None:
