@@ -129,8 +129,9 @@ class Case:
         """H (samples, P) modulo the prime, as objects."""
         rng = np.random.default_rng([seed, 61])
         samples = 10 * len(self.links) + len(self.shafts) + 4
-        q, v = (_random_columns(rng, samples, len(self.links)) for _ in range(2))
-        turns = [circle(x) for x in q]
+        # An angle is no algebraic function of a displacement, which may follow it.
+        half_tangents, v, q = (_random_columns(rng, samples, len(self.links)) for _ in range(3))
+        turns = [circle(x) for x in half_tangents]
         rates = v
         if self.loop is not None:
             turns, rates = self.loop.closed(turns, v, rng)
