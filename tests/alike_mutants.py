@@ -11,9 +11,6 @@ ALIKE = {
     ),
     "adaptctl/dynamics/loops/assembly.py::_closed 0.0 -> 1.0": "a hundred steps instead of a few: slower alone",
     "adaptctl/dynamics/loops/posture.py::factored 0 -> 1": "columns are of one length",
-    "adaptctl/control/adaptation/concurrent_learning.py::ConcurrentLearning._equations 1 -> 2 (again 1)": (
-        "of a sample that is too long no more is taken than there are columns"
-    ),
     "adaptctl/identifiability/priority.py::suggestion 1 -> 2": "of two that are close the first is taken, the closest",
     "adaptctl/control/excitation/excitation_trajectory.py::_gram 1 -> 2": "two samples per product",
     "adaptctl/control/excitation/excitation_trajectory.py::_gram 1 -> 2 (again 1)": "NumPy takes -2 for -1 in a shape",

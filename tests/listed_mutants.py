@@ -450,9 +450,9 @@ LISTED: tuple[Listed, ...] = (
     ),
     Listed(
         "novelty of a sample not weighted",
-        "adaptctl/control/adaptation/concurrent_learning.py",
-        "total + weight * (row @",
-        "total + (row @",
+        "adaptctl/control/adaptation/sample_stack.py",
+        "total.value + weights[i] * dots",
+        "total.value + dots",
         ("tests/test_single_steps.py::test_concurrent_learning_keeps_what_is_newer_than_1_per_second",),
     ),
     Listed(

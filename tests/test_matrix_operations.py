@@ -17,6 +17,7 @@ from adaptctl.compilation.loops import Interpreter, vector
 from adaptctl.compilation.matrix_operation import MatrixOperation
 from adaptctl.compilation.native import Processor
 from adaptctl.control.adaptation import recalled_step, symmetric
+from adaptctl.control.adaptation.sample_stack import sample_stack
 from adaptctl.control.adaptation.symmetric import Equation, directional_update, rank_update, solve, symmetric_product
 from adaptctl.scalars import Column, Dual, column
 
@@ -47,13 +48,19 @@ def operation_and_arguments(name: str, k: int, r: int, rng: np.random.Generator)
             flow, (x, right) = np.array([0.9, 0.1, 0.8, 0.05]), rng.normal(size=(2, k))
             lines = np.concatenate([W, rng.normal(size=2 * k)])  # two beside the rows
             return recalled_step._period(k, r, 2), [A, 0.5 * A, lines, shares[0], flow, x, right]
+        case "stack":
+            places = tuple(tuple(range(i % k, k)) for i in range(r))
+            size = sum(map(len, places))
+            given = [b, positive(rng, k).ravel(), rng.normal(size=3 * size), rng.normal(size=3 * r)]
+            given += [rng.normal(size=size), shares[0], shares[1], np.array([1.0, 0.5, 1e-3])]
+            return sample_stack(places, 3, k, is_whole=True), given
         case "scale":
             return symmetric._scaler(len(A)), [A, np.array([0.7])]
     learns = name == "learn"
     return symmetric._updater(k, r, learns=learns), [A, b, W, *shares, np.array([0.8])]
 
 
-NAMES = pytest.mark.parametrize("name", ["product", "solve", "rank", "scale", "recall", "learn", "forget"])
+NAMES = pytest.mark.parametrize("name", ["product", "solve", "rank", "scale", "recall", "stack", "learn", "forget"])
 
 
 def bits(columns: Any) -> list[list[float]]:

@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from sampled_loops import arm, gains, posture, reduced
 
 from adaptctl.arrays import Array
@@ -23,9 +25,9 @@ from adaptctl.control import (
     TaskSpaceSlotineLi,
 )
 from adaptctl.control.adaptation.composite import TorqueFilter, momentum_columns, validate_cutoff
-from adaptctl.control.adaptation.concurrent_learning import _solve
 from adaptctl.control.adaptation.gradient import MIN_POWER
 from adaptctl.control.adaptation.law import NoMemory, Period
+from adaptctl.control.adaptation.sample_stack import sample_stack
 from adaptctl.control.adaptation.symmetric import (
     Equation,
     directional_update,
@@ -88,9 +90,10 @@ def test_one_equation_is_solved_implicitly() -> None:
     """after = before - weight Gamma w (w'after - torque), and with a weight beyond bounds w'after is the torque."""
     rng = np.random.default_rng(1)
     gamma, w, before, torque = rng.uniform(0.5, 2.0, 3), rng.normal(size=3), rng.normal(size=3), 0.7
+    learn = sample_stack(((0, 1, 2),), 1, 3, is_whole=False)
     for weight in (0.0, 0.4, 1e12):
-        given = map(column, (before, gamma * w, w))
-        after = np.array(_solve(*given, Column((torque, weight))).of)
+        stored = column(before), column(gamma), column(w), Column((torque,))
+        after = np.array(learn(*stored, column(w), Column((9.0,)), Column((weight,)), Column((1.0, 1.0, 1.0)))[0].of)
         if weight < 1e6:
             np.testing.assert_allclose(after, before - weight * gamma * w * (w @ after - torque), atol=1e-13)
         else:
@@ -139,10 +142,10 @@ def one_period(
     return OnePeriod(period, memory, W, np.array(wanted.of), 0.5 * T * Y.T @ (before + after))
 
 
-def positive(rng: np.random.Generator) -> Array:
+def positive(rng: np.random.Generator, k: int = K) -> Array:
     """A positive definite matrix (k, k)."""
-    root = rng.normal(size=(K, K)) / np.sqrt(K)
-    return 0.5 * np.eye(K) + root @ root.T
+    root = rng.normal(size=(k, k)) / np.sqrt(k)
+    return 0.5 * np.eye(k) + root @ root.T
 
 
 def test_least_squares_with_bounded_gain_solve_all_equations_at_once_and_then_forget() -> None:
@@ -280,3 +283,35 @@ def test_without_damping_a_tool_has_exactly_the_velocity_asked() -> None:
     v_r = law.reference_velocity(column(p), column(p), Column.zeros(r), asked, state)[0]  # type: ignore[arg-type]
     wanted = np.array(asked.v.of) - 6.0 * (np.array(x.of) - np.array(asked.p.of))
     np.testing.assert_allclose([row @ v_r for row in rows], wanted, rtol=1e-6)
+
+
+@settings(max_examples=10, deadline=None)
+@given(k=st.integers(1, 20), r=st.integers(1, 4), novel=st.booleans(), is_whole=st.booleans(), seed=st.integers(0, 999))
+def test_a_stack_takes_a_new_sample_and_learns_from_all(k: int, r: int, novel: bool, is_whole: bool, seed: int) -> None:
+    """Each equation after the other, of the newest sample first: an implicit step for its torque."""
+    rng, count, dt = np.random.default_rng(seed), 3, 0.1
+    places = tuple(tuple(sorted(rng.choice(k, rng.integers(1, k + 1), replace=False).tolist())) for _ in range(r))
+    size = sum(map(len, places))
+    Gamma = positive(rng, k) if is_whole else np.diag(rng.uniform(0.5, 2.0, k))
+    x, rows, torques = rng.normal(size=k), rng.normal(size=(count, size)), rng.normal(size=(count, r))
+    sample, torque, weights = rng.normal(size=size), rng.normal(size=r), rng.uniform(0.5, 2.0, r)
+
+    def equations(entries: Array) -> Array:
+        W, parts = np.zeros((r, k)), np.split(entries, np.cumsum(list(map(len, places)))[:-1])
+        for i, (at, part) in enumerate(zip(places, parts, strict=True)):
+            W[i, list(at)] = part
+        return W
+
+    apart = equations(sample - rows[0])
+    novelty = float(np.sum(weights * np.einsum("ij,jk,ik->i", apart, Gamma, apart)))
+    numbers = np.array([novelty * (0.9 if novel else 1.1), 0.7, dt])
+    gain = Gamma.ravel() if is_whole else np.diag(Gamma)
+    given_ = x, gain, rows.ravel(), torques.ravel(), sample, torque, weights, numbers
+    found = sample_stack(places, count, k, is_whole)(*map(column, given_))
+    if novel:
+        rows, torques = np.vstack([sample, rows[:-1]]), np.vstack([torque, torques[:-1]])
+    for entries, measured in zip(rows, torques, strict=True):
+        for w, tau, R in zip(equations(entries), measured, weights, strict=True):
+            x = x - dt * R * Gamma @ w * (w @ x - tau) / (1.0 + dt * R * (w @ Gamma @ w))
+    for part, expected in zip(found, (x, rows.ravel(), torques.ravel(), [0.7 * novel]), strict=True):
+        np.testing.assert_allclose(part.of, expected, rtol=1e-9, atol=1e-9)

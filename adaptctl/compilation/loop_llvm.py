@@ -164,11 +164,14 @@ class LoopBody:
             kind, one = self._type(wide=wide), Lanes(1, self._lanes.precision).constant(x)
             return f"splat ({self._lanes.scalar} {one})" if kind != self._lanes.scalar else one
         name = self._values[x]
-        return self._spread(name) if wide and not x.wide else name
+        if x.wide or not wide:
+            return name
+        truth = isinstance(x, Computed) and x.op is Op.LESS
+        return self._spread(name, self._lanes.value.replace(self._lanes.scalar, "i1") if truth else self._lanes.value)
 
-    def _spread(self, name: str) -> str:
-        """One number beside itself, once for each column."""
-        value, count = self._lanes.value, self._lanes.count
+    def _spread(self, name: str, value: str) -> str:
+        """One number or truth value beside itself, once for each column."""
+        count = self._lanes.count
         if self._width == 1:
             return name
         if count == 1:

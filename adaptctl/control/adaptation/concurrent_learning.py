@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.compilation import outlined
 from adaptctl.control.adaptation.composite import (
     Filtered,
     TorqueFilter,
@@ -19,9 +17,11 @@ from adaptctl.control.adaptation.composite import (
 )
 from adaptctl.control.adaptation.gradient import Descent
 from adaptctl.control.adaptation.law import Period
+from adaptctl.control.adaptation.sample_stack import sample_stack
+from adaptctl.control.adaptation.symmetric import joined
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, Scalar, each, spread, where
+from adaptctl.scalars import Column, each
 
 MAX_SAMPLES = 64
 
@@ -183,50 +183,13 @@ class ConcurrentLearning(Descent[Stack]):
         """
         estimate = estimate - self.applied(period.gradient(period.integral))
         rows, torque, filtered = TorqueFilter(self.cutoff, period.period).predicted(model, period, memory.filtered)
-        sample = Column(row[j] for row, places in zip(rows, momentum_columns(model), strict=True) for j in places)
-        new = where(self._novelty(model, sample, memory.rows) > self.novelty_threshold, period.dt_ratio, 0.0)
-        kept, torques = _with_sample(memory.rows, sample, new), _with_sample(memory.torques, torque, new)
-        for row, measured, weight in self._equations(model, kept, torques):
-            estimate = _solved(estimate, self.applied(row), row, Column((measured, weight * period.dt)))
-        return estimate, Stack(kept, torques, Column((new,)), filtered)
-
-    def _novelty(self, model: ReducedModel, sample: Column, kept: Column) -> Any:
-        """Weighted squared distance from the newest sample."""
-        apart, total = sample - Column(kept.of[: len(sample)]), 0.0
-        for row, weight in _rows_of(model, apart, each(self.prediction_weight, model.mechanism.dof)):
-            total = total + weight * (row @ self.applied(row))
-        return total
-
-    def _equations(self, model: ReducedModel, kept: Column, torques: Column) -> Iterator[tuple[Column, Scalar, Scalar]]:
-        """Rows (k,), torques and weights of the stack."""
-        weights, size, r = (
-            each(self.prediction_weight, model.mechanism.dof),
-            len(kept) // self.stack_size,
-            model.mechanism.dof,
-        )
-        for k in range(self.stack_size):
-            measured, block = torques.of[k * r : (k + 1) * r], Column(kept.of[k * size : (k + 1) * size])
-            for (row, weight), torque in zip(_rows_of(model, block, weights), measured, strict=True):
-                yield row, torque, weight
-
-
-def _rows_of(model: ReducedModel, sample: Column, weights: Column) -> Iterator[tuple[Column, Scalar]]:
-    """Rows (k,) of a sample, with weights."""
-    entries = iter(sample)
-    for places, weight in zip(momentum_columns(model), weights, strict=True):
-        yield spread(Column(next(entries) for _ in places), places, len(model.columns)), weight
-
-
-def _with_sample(stack: Column, sample: Column, new: Any) -> Column:
-    """Stack with the oldest sample replaced."""
-    before = Column((*sample, *stack.of[: len(stack) - len(sample)]))
-    return Column(where(new > 0.0, x, y) for x, y in zip(before, stack, strict=True))
-
-
-def _solve(estimate: Column, loaded: Column, row: Column, equation: Column) -> Column:
-    """Estimate after an implicit step for row' x = equation[0] of weight equation[1]."""
-    share = equation[1] / (1.0 + equation[1] * (row @ loaded))
-    return estimate - (share * (row @ estimate - equation[0])) * loaded
-
-
-_solved = outlined(_solve)
+        places = tuple(map(tuple, momentum_columns(model)))
+        sample = Column(row[j] for row, of_joint in zip(rows, places, strict=True) for j in of_joint)
+        weights = each(self.prediction_weight, model.mechanism.dof)
+        gain = self._columns
+        learn = sample_stack(places, self.stack_size, len(model.columns), isinstance(gain, list))
+        entries = joined(gain) if isinstance(gain, list) else gain
+        numbers = Column((self.novelty_threshold, period.dt_ratio, period.dt))
+        given = estimate, entries, memory.rows, memory.torques, sample, torque, weights, numbers
+        estimate, kept, torques, learned = learn(*given)
+        return estimate, Stack(kept, torques, learned, filtered)

@@ -158,12 +158,12 @@ def _updater(k: int, r: int, *, learns: bool) -> MatrixOperation:
         _multiply(m, full, w, g, r, k)
         for q in m.range(r):
             for p in m.range(q):
-                along, *beside = _dots(m, [(g, p), (w, p)][: 1 + learns], w, q, k)
+                along, *beside = dots(m, [(g, p), (w, p)][: 1 + learns], w, q, k)
                 change.losses[0, p] = lost[p] * along
                 if learns:
                     change.gains[0, p] = learned[p] * beside[0]
             change.apply(g, [q], q, 0, k)
-            power, known = _dots(m, [(g, q), (x, 0)], w, q, k)
+            power, known = dots(m, [(g, q), (x, 0)], w, q, k)
             lost[q] = forgotten[q] * quotient(m, 1.0, power + floor[q], 0.0)
             excess = lost[q] * (known - target[q])
             for j in m.columns(0, k):
@@ -241,7 +241,7 @@ def _multiply(m: Interpreter, full: Any, w: Any, out: Any, r: int, k: int) -> No
                 out[q, j] = total.value
 
 
-def _dots(m: Interpreter, rows: list[tuple[Any, Any]], b: Any, q: Any, k: int) -> list[Any]:
+def dots(m: Interpreter, rows: list[tuple[Any, Any]], b: Any, q: Any, k: int) -> list[Any]:
     """Inner products of rows of arrays and row q of b."""
     totals = [m.sum() for _ in rows]
     for j in m.columns(0, k):
