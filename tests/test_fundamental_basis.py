@@ -231,7 +231,7 @@ def test_saving_and_loading(basis: FundamentalBasis, tmp_path: Path) -> None:
         assert getattr(again, field) == getattr(basis, field)
     assert again.equations() == basis.equations()
     content = json.loads((tmp_path / "basis.json").read_text())
-    assert content["schema"] == "adaptctl/fundamental-basis/1"
+    assert content["schema"] == "adaptctl/fundamental-basis/2"
     assert content["regrouping"]["link6.I_yy"] == {"link6.I_xx": pytest.approx(-1.0)}
 
 
@@ -250,7 +250,7 @@ def damaged(content: dict[str, Any], *path: str, value: Any = None) -> dict[str,
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [
-        (["schema"], "adaptctl/fundamental-basis/2", r"\$.schema`; expected one of 'adaptctl/fundamental-basis/1'"),
+        (["schema"], "adaptctl/fundamental-basis/1", r"\$.schema`; expected one of 'adaptctl/fundamental-basis/2'"),
         (["robot", "geometry_sha256"], None, "missing required field `geometry_sha256`"),
         (["rank"], 35, r"`\$.rank` is 35, but `\$.regrouping` keeps 36 parameters"),
         (["rank"], "many", r"got `str` - at `\$.rank`"),
@@ -270,6 +270,9 @@ def damaged(content: dict[str, Any], *path: str, value: Any = None) -> dict[str,
         (["regrouping", "link6.I_yy"], "x", "Expected `object`, got `str`"),
         (["remark"], "mine", "unknown field `remark`; expected one of schema, robot, rank"),
         (["kept_despite_priority"], ["link1.m"], r"\$.kept_despite_priority`: 'link1.m' is not kept"),
+        (["gap"], 1e9, r'the basis was changed; to accept it, write "sha256": "[0-9a-f]{64}"'),
+        (["regrouping", "link6.I_yy", "link6.I_xx"], -1.0000001, "the basis was changed"),
+        (["sha256"], None, "the basis was changed"),
         (["gap"], float("nan"), r"expected a finite number, got nan - at `\$.gap`"),
     ],
 )
@@ -279,6 +282,19 @@ def test_damaged_files(basis: FundamentalBasis, tmp_path: Path, path: list[Any],
     (tmp_path / "basis.json").write_text(json.dumps(damaged(content, *path, value=value)))
     with pytest.raises(FileError, match=r"basis\.json: .*" + message):
         FundamentalBasis.load(tmp_path / "basis.json")
+
+
+def test_a_basis_that_was_changed_is_accepted_by_the_line_that_is_told(basis: FundamentalBasis, tmp_path: Path) -> None:
+    basis.save(tmp_path / "basis.json")
+    content = json.loads((tmp_path / "basis.json").read_text())
+    content["regrouping"]["link6.I_yy"]["link6.I_xx"] = -1.5
+    (tmp_path / "basis.json").write_text(json.dumps(content))
+    with pytest.raises(FileError) as refused:
+        FundamentalBasis.load(tmp_path / "basis.json")
+    content["sha256"] = str(refused.value).split('"')[-2]
+    (tmp_path / "basis.json").write_text(json.dumps(content))
+    changed = FundamentalBasis.load(tmp_path / "basis.json")
+    assert np.abs(changed.regrouping - basis.regrouping).max() == pytest.approx(0.5)
 
 
 def test_files_that_are_no_basis(basis: FundamentalBasis, tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.errors import FileError
-from adaptctl.files import read_json, write_json
+from adaptctl.files import hashed, read_json, write_json
 
 # Size of a file that is read, and parameters in it: 256 links, all with rotors, have 2,816.
 MAX_BYTES, MAX_PARAMETERS = 8 * 2**20, 4_000
@@ -26,13 +26,14 @@ class Robot(msgspec.Struct, forbid_unknown_fields=True):
 class BasisFile(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
     """Content of a basis file (JSON)."""
 
-    schema: Literal["adaptctl/fundamental-basis/1"]
+    schema: Literal["adaptctl/fundamental-basis/2"]
     robot: Robot
     rank: int
     gap: float
     parameters: Annotated[list[str], msgspec.Meta(max_length=MAX_PARAMETERS)]
     scales: list[float]
     regrouping: dict[str, dict[str, float]]
+    sha256: str = ""
     kept_despite_priority: list[str] = []
 
     @classmethod
@@ -44,8 +45,13 @@ class BasisFile(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
         return content
 
     def write(self, path: str | Path) -> None:
-        """Write the content to a file, atomically."""
-        write_json(path, self)
+        """Write the content and its hash to a file, atomically."""
+        write_json(path, msgspec.structs.replace(self, sha256=self._hash))
+
+    @property
+    def _hash(self) -> str:
+        content = msgspec.to_builtins(self)
+        return hashed({name: value for name, value in content.items() if name not in ("schema", "sha256")})
 
     @property
     def columns(self) -> tuple[int, ...]:
@@ -88,4 +94,6 @@ class BasisFile(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
                     return f"`$.regrouping.{kept}`: {name!r} is not in `$.parameters`"
             if not row.keys().isdisjoint(self.regrouping):
                 return f"`$.regrouping.{kept}`: kept parameters cannot be regrouped into each other"
+        if self.sha256 != self._hash:
+            return f'the basis was changed; to accept it, write "sha256": "{self._hash}"'
         return ""

@@ -221,7 +221,7 @@ class FundamentalBasis:
             If the file cannot be written.
         """
         BasisFile(
-            schema="adaptctl/fundamental-basis/1",
+            schema="adaptctl/fundamental-basis/2",
             robot=Robot(self.mechanism_name, self.geometry_sha256),
             rank=self.rank,
             gap=self.gap,
