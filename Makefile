@@ -71,7 +71,7 @@ check-robots: $(STAMP) ## run the Franka example and a WidowX through the vendor
 	.venv-vendors-limits/bin/pip install --quiet franka-sim==1.1.7 || true
 	$(BIN)/python tests/check_robots.py $(RUNS)
 
-check-neighbours: ## check bases against figaroh's and Drake's own regressors and in mujoco.sysid, in .venv-neighbours; ten minutes
+check-neighbours: ## check bases against figaroh's and Drake's own regressors, runs against Drake's, and in mujoco.sysid, in .venv-neighbours; ten minutes
 	test -x .venv-neighbours/bin/python || $(PYTHON) -m venv .venv-neighbours
 	.venv-neighbours/bin/pip install --quiet --require-hashes --no-deps --only-binary :all: -r requirements.lock
 	.venv-neighbours/bin/pip install --quiet figaroh drake 'mujoco[sysid]' || true

@@ -15,6 +15,7 @@ from typing import Any
 from adaptctl.errors import MissingExtraError, suggested_name
 
 DISTRIBUTIONS = {
+    "pydrake": "drake",
     "clarabel": "'adaptctl[consistency]'",
     "cvxpy": "'adaptctl[consistency]'",
     "dask": "'adaptctl[sweep]'",

@@ -16,6 +16,7 @@ import pinocchio
 
 import adaptctl
 from adaptctl.arrays import Array
+from adaptctl.contest.entries import ContestEntry
 
 URDF = """<robot name="arm"><link name="world"/>{links}</robot>"""
 LINK = """<link name="l{i}"><inertial><origin xyz="0.1 0.02 {i}e-2"/><mass value="{i}"/>
@@ -29,6 +30,8 @@ TEXT = URDF.format(
 SAMPLES, DOF = 60, len(TURNS)
 MOST = 1e-9
 """of the largest entry, that a column may differ"""
+PLANTS, SAME = ("adaptctl", "drake"), 1e-5
+"""plants of a contest, and relative difference of their runs, whose integrators are not the same"""
 
 
 def figaroh_regressor(states: Array) -> Array:
@@ -87,7 +90,20 @@ def main() -> int:
         rank = np.linalg.matrix_rank(W, tol=MOST * size)
         print(f"{tool}: {W.shape[1]} columns of rank {rank}, basis {theirs.rank}; largest difference {rest:.1e}")
         failed |= int(rest > MOST or rank != theirs.rank)
+    if find_spec("pydrake") is not None:
+        failed |= not drake_moves_arms_as_we_do()
     return failed
+
+
+def drake_moves_arms_as_we_do() -> bool:
+    """Whether a contest has the same errors and torques on both plants."""
+    conditions, apart = ("links-wrong", "late", "payload", "push", "saturation", "low-rate"), 0.0
+    for robot in ("two_link", "puma560_geared"):
+        of = {plant: ContestEntry("gradient", robot, "", conditions, (1,), 8.0, (), plant).rows() for plant in PLANTS}
+        for ours, theirs in zip(*of.values(), strict=True):
+            apart = max(apart, *(abs(theirs[name] / ours[name] - 1.0) for name in ("error", "torque")))
+    print(f"drake as the plant: errors and torques of {2 * len(conditions)} runs differ by {apart:.1e}")
+    return apart < SAME
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ from adaptctl.contest.laws import LAWS
 from adaptctl.contest.running import ContestFolder
 from adaptctl.contest.scene import Scene, scene_of
 from adaptctl.contest.trial import TimeExceededError, tried
-from adaptctl.errors import FileError, InputError, NotFoundError
+from adaptctl.errors import FileError, InputError, MissingExtraError, NotFoundError
 
 OWN = '''
 import time
@@ -195,7 +195,9 @@ def test_rows_do_not_depend_on_other_seeds_and_say_what_a_seed_drew(scene: Scene
         ({"seeds": [-1]}, InputError, "seeds"),
         ({"duration": 0.0}, InputError, "duration: expected 0.1 to 1000 s"),
         ({"robots": ["{no-such-package}/a.urdf"]}, Exception, "no-such-package is not installed"),
-        ({"plant": "mujoco", "conditions": ["noise"]}, InputError, "MuJoCo has no noise; it has clean"),
+        ({"plant": "mujoco", "conditions": ["noise"]}, InputError, "the plant mujoco has no noise; it has clean"),
+        ({"plant": "drake", "conditions": ["friction"]}, InputError, "the plant drake has no friction; it has clean"),
+        ({"plant": "drake"}, MissingExtraError, "the plant drake needs pydrake: pip install drake"),
         ({"robots": ["gone.urdf"]}, FileError, "gone.urdf: cannot be read"),
         ({"robots": ["puma56"]}, NotFoundError, "unknown robot 'puma56' (did you mean 'puma560'?)"),
         ({"arms": ["puma560"]}, FileError, "unknown field `arms`"),

@@ -65,7 +65,8 @@ class Push(ActuatorEffect):
 
 @dataclass(frozen=True)
 class PlantCondition:
-    """Effects in a scene, true parameters (P,) by seed, control period in s, limits and halt, end of an event."""
+    """Effects in a scene, true parameters (P,) by seed, control period in s, limits, halt, end of an event, and whether
+    other engines can have it."""
 
     meaning: str
     effects: Callable[[Scene], tuple[Effect, ...]] = lambda scene: ()
@@ -74,7 +75,7 @@ class PlantCondition:
     limit_share: float = 1.0
     halt: float = 0.0
     event: float | None = None
-    mujoco: bool = True
+    foreign: bool = True
 
     def reference(self, followed: Reference) -> Reference:
         """Reference with the halt, if there is one."""
@@ -120,10 +121,10 @@ def _second(scene: Scene) -> int:
 
 CONDITIONS = {
     "clean": PlantCondition("1 kHz, nothing else"),
-    "noise": PlantCondition("velocity noise of 0.03 rad/s", lambda s: (Encoder(velocity_noise=0.03),), mujoco=False),
-    "encoder-12": PlantCondition("12-bit encoders, filtered differences", lambda s: _encoder(12), mujoco=False),
+    "noise": PlantCondition("velocity noise of 0.03 rad/s", lambda s: (Encoder(velocity_noise=0.03),), foreign=False),
+    "encoder-12": PlantCondition("12-bit encoders, filtered differences", lambda s: _encoder(12), foreign=False),
     "encoder-16-200-hz": PlantCondition(
-        "16-bit encoders, filtered differences, 200 Hz", lambda s: _encoder(16), control_period=5e-3, mujoco=False
+        "16-bit encoders, filtered differences, 200 Hz", lambda s: _encoder(16), control_period=5e-3, foreign=False
     ),
     "clean-500-hz": PlantCondition("500 Hz", control_period=2e-3),
     "low-rate": PlantCondition("200 Hz", control_period=5e-3),
@@ -137,7 +138,7 @@ CONDITIONS = {
         "friction and 50 % static friction, in no model",
         lambda s: (Friction(0.0, 0.0, 0.5 * s.friction[1]),),
         lambda s, seed: s.rubbing,
-        mujoco=False,
+        foreign=False,
     ),
     "saturation": PlantCondition("torque limits of 60 %", limit_share=0.6),
     "payload": PlantCondition(
@@ -151,7 +152,10 @@ CONDITIONS = {
         event=DROPPED,
     ),
     "halt": PlantCondition(
-        "reference stops at 12 s, in velocity noise", lambda s: (Encoder(velocity_noise=0.03),), halt=12.0, mujoco=False
+        "reference stops at 12 s, in velocity noise",
+        lambda s: (Encoder(velocity_noise=0.03),),
+        halt=12.0,
+        foreign=False,
     ),
     "push": PlantCondition(
         "10 % of joint 2's limit pushes from 6 to 11 s", lambda s: (Push(s.pushed(0.1, _second(s))),), event=RELEASED
@@ -163,10 +167,10 @@ CONDITIONS = {
         "5 % of all limits pushes from 6 to 11 s", lambda s: (Push(s.pushed(0.05)),), event=RELEASED
     ),
     "elastic-motor": PlantCondition(
-        "springs of 10,000 N m/rad, encoders on motors", lambda s: _elastic(s, "motor"), mujoco=False
+        "springs of 10,000 N m/rad, encoders on motors", lambda s: _elastic(s, "motor"), foreign=False
     ),
     "elastic-link": PlantCondition(
-        "springs of 10,000 N m/rad, encoders on links", lambda s: _elastic(s, "link"), mujoco=False
+        "springs of 10,000 N m/rad, encoders on links", lambda s: _elastic(s, "link"), foreign=False
     ),
 }
 """Conditions by name."""

@@ -12,14 +12,15 @@ import msgspec
 from adaptctl.arrays import whole_count
 from adaptctl.caching import cached_property
 from adaptctl.contest.conditions import CONDITIONS
+from adaptctl.contest.foreign_runs import fits
 from adaptctl.contest.laws import LAWS
-from adaptctl.contest.mujoco_runs import fits_mujoco
 from adaptctl.contest.own_law import is_own, own_entrant, own_name
 from adaptctl.contest.scene import loaded, robot_name
 from adaptctl.errors import InputError, NotFoundError, suggested_name
 from adaptctl.files import hashed, read_toml
+from adaptctl.optional_packages import needed
 
-Plant = Literal["adaptctl", "mujoco"]
+Plant = Literal["adaptctl", "mujoco", "drake"]
 Draw = Literal["reference", "initial error"]
 MIN_DURATION, MAX_DURATION = 0.1, 1000.0
 """s"""
@@ -102,10 +103,13 @@ class Contest:
         _ = self.robot_hashes
         self._validate_disjoint()
         self._validate_families()
-        unfit = [] if asked.plant == "adaptctl" else [name for name in asked.conditions if not fits_mujoco(name)]
+        unfit = [name for name in asked.conditions if asked.plant != "adaptctl" and not fits(asked.plant, name)]
         if unfit:
-            fit = ", ".join(filter(fits_mujoco, CONDITIONS))
-            raise InputError(f"{where}: MuJoCo has no {', '.join(unfit)}; it has {fit}")
+            fit = ", ".join(name for name in CONDITIONS if fits(asked.plant, name))
+            raise InputError(f"{where}: the plant {asked.plant} has no {', '.join(unfit)}; it has {fit}")
+        if asked.plant == "drake":
+            with needed(f"{where}: the plant drake"):
+                import pydrake  # noqa: F401
 
     def _validate_disjoint(self) -> None:
         """Raise `InputError` where constants were chosen on what is judged here."""

@@ -13,10 +13,10 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.contest.conditions import CONDITIONS, PlantCondition
 from adaptctl.contest.contest_file import law_name
+from adaptctl.contest.foreign_runs import foreign_runs
 from adaptctl.contest.known import Knowledge, Known
 from adaptctl.contest.laws import LAWS, Entrant
 from adaptctl.contest.measures import DIVERGED, NOTHING, RECORDED, ContestRuns, measured
-from adaptctl.contest.mujoco_runs import mujoco_runs
 from adaptctl.contest.own_law import is_own, line_in, own_entrant, source_hash
 from adaptctl.contest.scene import Scene, robot_name, scene_of
 from adaptctl.contest.trial import TimeExceededError, tried
@@ -127,8 +127,8 @@ class ContestEntry:
         start = np.array([one(0.0).p + error for one, error in zip(followed, off, strict=True)])
         shared: Row = {"duration": self.duration, "record_every": RECORDED}
         references = [condition.reference(one) for one in followed]
-        if self.plant == "mujoco":
-            return mujoco_runs(scene, condition, laws, references, start, truth, **shared)
+        if self.plant != "adaptctl":
+            return foreign_runs(self.plant, scene, condition, laws, references, start, truth, **shared)
         given: Row = {"p": start, "parameters": truth, "seed": list(self.seeds), "divergence_bound": DIVERGED}
         runs = simulate_many(condition.plant(scene), laws, references, **given, **shared)
         return ContestRuns(runs.time, runs.error, runs.torque, runs.largest_error, runs.diverged_at, runs.estimate[-1])

@@ -1,14 +1,15 @@
-"""Runs of a contest on MuJoCo's physics."""
+"""Runs of a contest on the physics of another engine."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.contest.conditions import CONDITIONS, PlantCondition
+from adaptctl.contest.drake_plant import DrakePlant
 from adaptctl.contest.measures import DIVERGED, ContestRuns
 from adaptctl.contest.scene import Scene
 from adaptctl.control import Controller
@@ -17,15 +18,20 @@ from adaptctl.errors import NonFiniteError
 from adaptctl.scalars import Column
 from adaptctl.simulation.effects import PlantEffects
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant
+from adaptctl.simulation.plant import Plant
 from adaptctl.simulation.references import sampled
 
-
-def fits_mujoco(condition: str) -> bool:
-    """True for a condition whose effects act on torques and loads, or that has none."""
-    return CONDITIONS[condition].mujoco
+ENGINES: dict[str, Callable[..., Plant]] = {"mujoco": MuJoCoPlant.of, "drake": DrakePlant}
+"""Plants of a mechanism, by the engine's name."""
 
 
-def mujoco_runs(
+def fits(engine: str, condition: str) -> bool:
+    """True for a condition whose effects act on torques and loads, or that has none; Drake has no Coulomb friction."""
+    return CONDITIONS[condition].foreign and (engine, condition) != ("drake", "friction")
+
+
+def foreign_runs(
+    engine: str,
     scene: Scene,
     condition: PlantCondition,
     laws: Controller[Any] | Sequence[Controller[Any]],
@@ -38,7 +44,7 @@ def mujoco_runs(
 ) -> ContestRuns:
     """Runs of all seeds, one after the other."""
     limits, period = condition.limit_share * scene.tuning.torque_limits, scene.tuning.control_period
-    plant = MuJoCoPlant.of(scene.mechanism, period, torque_limits=limits)
+    plant = ENGINES[engine](scene.mechanism, period, torque_limits=limits)
     each = [laws] * len(references) if isinstance(laws, Controller) else laws
     effects, count = PlantEffects.of(condition.effects(scene)), round(duration / period)
     times: Array = period * np.arange(count, dtype=np.float64)
@@ -55,14 +61,18 @@ def mujoco_runs(
 
 
 def _run(
-    plant: MuJoCoPlant, effects: PlantEffects, law: Controller[Any], points: Any, p: Array, parameters: Array
+    plant: Plant, effects: PlantEffects, law: Controller[Any], points: Any, p: Array, parameters: Array
 ) -> tuple[Array, Array, Array, Array]:
     """Errors and torques (T, r) of a run, when it diverged in s, NaN if never, and the last estimate (k,)."""
     error, commanded = (np.full((len(points.p), plant.dof), np.nan) for _ in range(2))
     links = plant.mechanism.description.body_names
-    state = plant.init(p, points.v[0], effects.loaded(parameters, links, 0.0))
+    loaded, still = effects.loaded(parameters, links, 0.0), np.zeros(plant.dof)
+    state, held = (
+        plant.init(p, points.v[0], loaded),
+        plant.mechanism.with_parameters(loaded).inverse_dynamics(p, still, still),
+    )
     memory = law.init(state.p, state.v)
-    kept = [each.initial_state(np.zeros(plant.dof), plant.control_period) for each in effects.actuators]
+    kept = [each.initial_state(held, plant.control_period) for each in effects.actuators]
     for k, (p_d, v_d, a_d) in enumerate(zip(*points, strict=True)):
         time = k * plant.control_period
         error[k] = state.p - p_d
