@@ -38,6 +38,8 @@ from adaptctl.identifiability.sampling import characteristic_length, random_halv
 
 # Number of a tree's parameters from which on its null space is found joint by joint.
 MIN_PARAMETERS_FOR_TRANSFERS = 100
+# Range in rad below which a joint in loops is named where a rank is refused, and most joints that are.
+NARROW, MAX_NAMED_JOINTS = 1.0, 3
 
 
 class CertifiedNullSpace(NamedTuple):
@@ -164,8 +166,26 @@ def _origin(mechanism: Mechanism, samples: int, seed: int) -> str:
 
 def _validate_accepted(mechanism: Mechanism, certificate: Certificate, spectrum: Array) -> None:
     # An angle that is taken as exact elsewhere may be what spoils a gap.
-    suspects = near_right_angles(mechanism.description, exact=ROUND_OFF_RATIO) if certificate.failures else ()
-    certificate.validate_accepted(mechanism.name, spectrum, suspects)
+    near = near_right_angles(mechanism.description, exact=ROUND_OFF_RATIO) if certificate.failures else ()
+    narrow = _narrow_joints(mechanism, certificate.seed) if certificate.failures else ()
+    certificate.validate_accepted(mechanism.name, spectrum, (*near, *narrow))
+
+
+def _narrow_joints(mechanism: Mechanism, seed: int) -> tuple[str, ...]:
+    """Sentence on joints that loops let turn so little that parameters nearly depend on each other, if any."""
+    if mechanism.continuation is None:
+        return ()
+    q = mechanism.configuration(random_states(mechanism, SCALING_STATES, np.random.default_rng(seed)).p)
+    reach = {link.joint.name: float(r) for link, r in zip(mechanism.links, np.ptp(q, axis=0), strict=True)}
+    turns = [link.joint.name for link in mechanism.links if link.joint.kind.is_revolute]
+    least = sorted((name for name in turns if reach[name] < NARROW), key=reach.__getitem__)[:MAX_NAMED_JOINTS]
+    if not least:
+        return ()
+    each = ", ".join(f"{name} by {reach[name]:.2g} rad" for name in least)
+    return (
+        f"the loops turn {each} at most, in which parameters nearly depend on each other: give a reference from which "
+        "they turn further, or lock what is not to be identified",
+    )
 
 
 def residual_singular_values(
