@@ -238,8 +238,13 @@ def test_ranges_of_loops_are_clear_of_singularities_and_keep_conditions() -> Non
         found = regular_limits(mechanism, limits)
         rng = np.random.default_rng(5)
         assert not keeps_regular(mechanism, rng.uniform(limits.lower, limits.upper, (300, mechanism.dof))).all()
-        assert keeps_regular(mechanism, rng.uniform(found.lower, found.upper, (300, mechanism.dof))).all()
+        inside = rng.uniform(found.lower, found.upper, (300, mechanism.dof))
+        axes = np.eye(mechanism.dof) if found.axes is None else found.axes
+        assert keeps_regular(mechanism, inside @ axes.T).all()
+        assert np.all((inside @ axes.T >= limits.lower) & (inside @ axes.T <= limits.upper))
         assert np.all(found.upper - found.lower > 0.3)
+    assert found.upper[2] - found.lower[2] > 1.8  # of the 2.1 rad that the condition leaves between joints 2 and 3
+    assert np.all(np.ptp(inside @ axes.T, axis=0)[1:] > 3.0)  # which move together further than that
 
 
 @pytest.mark.parametrize("name", mostly_at_night(RECIPES))

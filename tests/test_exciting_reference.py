@@ -9,13 +9,8 @@ import pytest
 from sampled_loops import reduced
 
 from adaptctl.arrays import Array
-from adaptctl.control import PriorRanges
-from adaptctl.control.excitation.excitation_trajectory import (
-    FourierSearch,
-    MotionLimits,
-    _checked,
-    excitation_trajectory,
-)
+from adaptctl.control import MotionLimits, PriorRanges
+from adaptctl.control.excitation.excitation_trajectory import FourierSearch, _checked, excitation_trajectory
 from adaptctl.errors import InputError
 
 MODEL = reduced("puma560_arm3")
@@ -39,6 +34,21 @@ def test_ranges_are_one_number_one_a_parameter_or_those_of_the_prior(scale: obje
 def test_ranges_of_another_shape_are_refused(scale: Array) -> None:
     with pytest.raises(InputError, match="scale"):
         _checked(MODEL, 0.2, 1, 1.0, scale, None)
+
+
+def test_limits_may_be_of_oblique_coordinates() -> None:
+    """Differences of joints within half a rad: the joints' own speeds and positions follow, in motion and reference."""
+    rows = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, -1.0]])
+    ends = np.array([1.0, 1.0, 0.5])
+    limits = MotionLimits(-ends, ends, np.array([9.0, 9.0, 2.0]), np.full(3, np.inf), np.linalg.inv(rows))
+    search = FourierSearch(MODEL, limits, 0.2, 2, np.ones(K))
+    x = search.random(np.random.default_rng(0))
+    p, v, a = search.motion(x)
+    assert np.all(np.abs(p @ rows.T).max(axis=0) <= ends + 1e-12)
+    assert np.all(np.abs(v @ rows.T).max(axis=0) <= limits.velocity + 1e-12)
+    time = np.arange(len(p)) / (len(p) * 0.2)
+    for one, other in zip((p, v, a), search.reference(x)(time), strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-10)
 
 
 @pytest.mark.parametrize("scale", [-1.0, 0.0, np.append(0.0, np.ones(K - 1)), -np.ones(K), np.nan, "a"])

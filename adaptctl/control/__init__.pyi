@@ -12,10 +12,10 @@ from adaptctl.control.controller import Controller as Controller
 from adaptctl.control.controller import Reference as Reference
 from adaptctl.control.controller import ReferencePoint as ReferencePoint
 from adaptctl.control.excitation.excitation_trajectory import ExcitationTrajectory as ExcitationTrajectory
-from adaptctl.control.excitation.excitation_trajectory import MotionLimits as MotionLimits
 from adaptctl.control.excitation.excitation_trajectory import excitation_trajectory as excitation_trajectory
 from adaptctl.control.excitation.measure import Excitation as Excitation
 from adaptctl.control.excitation.measure import persistent_excitation as persistent_excitation
+from adaptctl.control.excitation.motion_limits import MotionLimits as MotionLimits
 from adaptctl.control.excitation.torque_uncertainty import torque_uncertainty as torque_uncertainty
 from adaptctl.control.gains.error_feedback import ErrorFeedback as ErrorFeedback
 from adaptctl.control.gains.error_feedback import Margins as Margins

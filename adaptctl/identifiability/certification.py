@@ -184,7 +184,7 @@ def _narrow_joints(mechanism: Mechanism, seed: int) -> tuple[str, ...]:
     each = ", ".join(f"{name} by {reach[name]:.2g} rad" for name in least)
     return (
         f"the loops turn {each} at most, in which parameters nearly depend on each other: give a reference from which "
-        "they turn further, or lock what is not to be identified",
+        "they turn further",
     )
 
 

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked, per_joint, positive_number
-from adaptctl.control.excitation.excitation_trajectory import Motion, MotionLimits, excitation_trajectory
+from adaptctl.control.excitation.excitation_trajectory import Motion, excitation_trajectory
+from adaptctl.control.excitation.motion_limits import MotionLimits
 from adaptctl.control.references import Sinusoids
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
@@ -289,6 +290,7 @@ def exciting_motion(
     space = regular_limits(mechanism, MotionLimits.from_model(model, limit_share))
     allowed = _regular(mechanism, allowed)
     middle = 0.5 * (space.lower + space.upper)
+    middle = middle if space.axes is None else space.axes @ middle
     first, last = (
         middle if pose is None else checked(pose, mechanism.dof, what)
         for what, pose in (("start", start), ("end", end))

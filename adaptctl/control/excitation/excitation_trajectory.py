@@ -13,6 +13,7 @@ from adaptctl.arrays import Array, frozen_array, numbers, per_joint, positive_nu
 from adaptctl.caching import cached_property
 from adaptctl.control.adaptation import PriorRanges
 from adaptctl.control.excitation.measure import regressor_of
+from adaptctl.control.excitation.motion_limits import MotionLimits, validate_limits, validate_share
 from adaptctl.control.references import Sinusoids
 from adaptctl.errors import InputError, validate_kind
 from adaptctl.identifiability import ReducedModel
@@ -71,71 +72,6 @@ class ExcitationTrajectory:
 
 
 @dataclass(frozen=True, eq=False)
-class MotionLimits:
-    """
-    Limits of positions, speeds and torques of a reference.
-
-    Parameters
-    ----------
-    lower, upper : ndarray
-        Positions (r,) in rad (m).
-    velocity : ndarray
-        Greatest speeds (r,) in rad/s (m/s), infinite for none.
-    torque : ndarray
-        Greatest torques (r,) in N m (N), infinite for none.
-
-    Examples
-    --------
-    >>> adaptctl.control.MotionLimits.from_model(model, share=0.5).velocity
-    array([3., 3.])
-    """
-
-    lower: Array
-    upper: Array
-    velocity: Array
-    torque: Array
-
-    @classmethod
-    def from_model(cls, model: ReducedModel, share: float) -> MotionLimits:
-        """
-        Return a fraction of the position, velocity and torque limits of a mechanism's joints.
-
-        Parameters
-        ----------
-        model : ReducedModel
-            Reduced model of the mechanism with k parameters and r primary joints.
-        share : float
-            Fraction of the joints' limits that may be used, above 0 and at most 1; ranges of positions shrink about
-            their middle.
-
-        Returns
-        -------
-        MotionLimits
-            Limits, where missing positions are pi rad (1 m), or a full range from the other limit.
-
-        Raises
-        ------
-        InputError
-            If the share is out of range.
-
-        Examples
-        --------
-        >>> from adaptctl.control import MotionLimits
-        >>> MotionLimits.from_model(model, 0.8).velocity.shape
-        (2,)
-        """
-        _validate_share(share)
-        joints = model.mechanism.primary_joints
-        wide = np.array([np.pi if joint.kind.is_revolute else 1.0 for joint in joints])
-        lower, upper = (np.array([getattr(j.limits, name) for j in joints]) for name in ("lower", "upper"))
-        lower = np.where(np.isfinite(lower), lower, np.minimum(-wide, upper - 2.0 * wide))
-        upper = np.where(np.isfinite(upper), upper, np.maximum(wide, lower + 2.0 * wide))
-        middle, half = 0.5 * (lower + upper), 0.5 * share * (upper - lower)
-        velocity = share * np.array([joint.limits.velocity for joint in joints])
-        return cls(middle - half, middle + half, velocity, share * model.mechanism.effort_limits)
-
-
-@dataclass(frozen=True, eq=False)
 class FourierSearch:
     """Search for Fourier series: sines, cosines, use of limits, centre."""
 
@@ -165,16 +101,17 @@ class FourierSearch:
         """Positions, velocities, accelerations (n, r) over a period."""
         y, rate, bend = self._swing(*self._coefficients(x))
         used, center = self._fitted(x, y, rate, factor)
-        return center + used * y, used * rate, used * bend
+        return self._along_joints(center + used * y), self._along_joints(used * rate), self._along_joints(used * bend)
 
     def reference(self, x: Array, factor: float = 1.0) -> Sinusoids:
         """Sinusoids of a vector, within position and speed limits."""
         sine, cosine = self._coefficients(x)
         y, rate, _ = self._swing(sine, cosine)
         used, center = self._fitted(x, y, rate, factor)
-        amplitude, phase = used * np.hypot(sine, cosine), np.arctan2(cosine, sine)
+        sine, cosine = self._along_joints(used * sine), self._along_joints(used * cosine)
         frequency = np.broadcast_to(self.frequency * self._order, sine.shape)
-        return Sinusoids(center, amplitude, frequency, phase, start_time=0.0)
+        amplitude, phase = np.hypot(sine, cosine), np.arctan2(cosine, sine)
+        return Sinusoids(self._along_joints(center), amplitude, frequency, phase, start_time=0.0)
 
     def judged(self, x: Array, factor: float = 1.0) -> tuple[float, float]:
         """Condition number and torque share."""
@@ -207,6 +144,10 @@ class FourierSearch:
                 low, high = (factor, high) if self.torque_share(x, factor) <= 1.0 else (low, factor)
             factor = low
         return self.reference(x, factor), *self.judged(x, factor)
+
+    def _along_joints(self, u: Array) -> Array:
+        """Values (..., r) of the joints, from those of the limits' coordinates."""
+        return u if self.limits.axes is None else np.asarray(u @ self.limits.axes.T)
 
     def _coefficients(self, x: Array) -> tuple[Array, Array]:
         """Sines and cosines (h, r)."""
@@ -366,31 +307,15 @@ def _checked(
     validate_kind(model, ReducedModel, "excitation trajectory", "as ReducedModel(mechanism) is one")
     frequency = positive_number(frequency, "frequency: expected a positive one in Hz")
     harmonics = whole_count(harmonics, "harmonics", 1)
-    _validate_share(share)
+    validate_share(share)
     if limits is not None:
-        _validate_limits(limits, model.mechanism.dof)
+        validate_limits(limits, model.mechanism.dof)
     k = len(model.columns)
     ranges = PriorRanges().for_parameters(model.names) if scale is None else numbers(scale, "scale")
     ranges = frozen_array(np.broadcast_to(ranges, (k,)) if ranges.ndim == 0 else ranges, (k,), "scale")
     if not np.all(ranges > 0.0):
         raise InputError(f"scale: expected positive numbers, got {ranges.tolist()}")
     return FourierSearch(model, limits or MotionLimits.from_model(model, share), frequency, harmonics, ranges)
-
-
-def _validate_share(share: float) -> None:
-    if not 0.0 < real_number(share, "limit_share") <= 1.0:
-        raise InputError(f"limit_share: expected a share of the limits above 0 and up to 1, got {share}")
-
-
-def _validate_limits(limits: MotionLimits, dof: int) -> None:
-    lower, upper = (frozen_array(getattr(limits, name), (dof,), f"limits: {name}") for name in ("lower", "upper"))
-    if not np.all(lower <= upper):
-        raise InputError(f"limits: expected lower <= upper for every joint, got {lower.tolist()} and {upper.tolist()}")
-    velocity, torque = (per_joint(getattr(limits, name), dof, f"limits: {name}") for name in ("velocity", "torque"))
-    if not np.all(velocity >= 0.0):
-        raise InputError(f"limits: velocity: expected numbers of at least 0, got {velocity.tolist()}")
-    if not np.all(torque > 0.0):
-        raise InputError(f"limits: torque: expected positive numbers, got {torque.tolist()}")
 
 
 def _gram(Y: Array) -> Array:
