@@ -22,6 +22,7 @@ from adaptctl.identification.drives_file import Drives, MotorEntry, PayloadEntry
 from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.gathering import gathered
 from adaptctl.identification.identify import identified
+from adaptctl.identification.taking import with_instants
 from adaptctl.identification.torque_constants import Completion, completed
 
 CASE = known(7, duration=2.0, rate=50.0)
@@ -82,6 +83,17 @@ def test_a_body_is_found_with_deviations(once: bool) -> None:
     assert body.deviations[0] < 0.02 * MASS
     assert np.all(body.deviations[1:4] < 0.005)
     assert np.linalg.eigvalsh(body.inertia_at_center).min() > 0.0
+
+
+def test_the_instant_at_which_a_body_is_taken_is_found() -> None:
+    """In a log that is alone; with an empty one beside it, a body without an instant is carried from the start."""
+    taken = log("taken.csv", 3, TAKEN)
+    for logs, instant in (([taken], TAKEN), ([EMPTY, taken], -np.inf)):
+        evidence, _, _ = gathered(CASE.guess, drives(log="taken.csv"), logs, ("limits",), cutoffs=(10.0,))
+        known_drives, words = with_instants(evidence, 10.0)
+        assert known_drives.payloads[0].after == pytest.approx(instant, abs=0.05)
+        assert [word.startswith("payload in taken.csv: no log is without it") for word in words] == [True][: len(words)]
+    assert not words
 
 
 @nightly

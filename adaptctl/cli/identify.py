@@ -91,7 +91,7 @@ def identify(
     payload_mass : float
         Mass of that body, kg. Default: identified.
     payload_after : float
-        Time in the log at which it is taken, s. Default: carried from the start.
+        Time in the log at which it is taken, s. Default: from the start, or found if no log is without it.
     compensated : bool
         Add the gravity torques of the robot file, for a robot that compensates its own and logs the rest.
     trust_log : bool

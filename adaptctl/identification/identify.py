@@ -34,6 +34,7 @@ from adaptctl.identification.own_gravity import validate_not_added, with_own_gra
 from adaptctl.identification.payloads import with_unknown_payloads
 from adaptctl.identification.preparation import PreparationStep
 from adaptctl.identification.springs import is_answered, known_springs, left_out, with_springs, with_untold_springs
+from adaptctl.identification.taking import with_instants
 from adaptctl.identification.torque_constants import Completion, completed, is_complete, with_constants
 from adaptctl.identification.uncertainty import combinations, essential_components, uncertainty
 from adaptctl.identification.validation import alternatives, validate_plausible
@@ -107,7 +108,7 @@ def identify(
     payload_mass : float, optional
         Mass in kg of these bodies. Default: identified.
     payload_after : float, optional
-        Time in s, of the log's own stamps, at which they are taken. Default: carried from the start.
+        Time in s, in the log's stamps, at which they are taken. Default: the start, or found if no log is without one.
     compensated : bool, default False
         If true, the logged torques lack the gravity torques that the robot adds by itself, and those of the robot
         file's links are added. By default torques are whole, as in the logs of `drive`.
@@ -294,7 +295,6 @@ def _of_checked(
     origin = "the last 40 % of the logs" if late else ", ".join(log.source for log in test)
     held_out = HeldOut(judged, origin, *cutoffs, choice.settings.left_out)
     read = dict.fromkeys(note for log in (*train, *test) for note in log.notes)
-    late_words = [late_torques] if late_torques else []
     geared = [f"{meaning.slopes.name}: {meaning.slopes.outcome}"] if meaning.other_side else []
     untold = left_out(choice.settings.untold, choice.settings.friction)
     doubts = () if is_answered(meaning, choice.settings.friction, bool(late_torques)) else doubts
@@ -306,7 +306,7 @@ def _of_checked(
         *remarks,
         *whole.words,
         *untold,
-        *late_words,
+        *filter(None, [late_torques]),
         *noisy,
         *contradictions(training, fit, meaning.other_side),
     )
@@ -319,8 +319,12 @@ def _of_checked(
 def _completed(mechanism: Mechanism, drives: Drives, train: Sequence[JointLog], skip: Collection[str]) -> Completion:
     if is_complete(drives):
         return Completion(drives, (), ())
-    evidence, _, _ = gathered(mechanism, drives, train, (*skip, "limits") if "limits" not in skip else skip)
-    return completed(evidence, judged_at(evidence))
+    skip = {*skip, "limits"}
+    evidence = gathered(mechanism, drives, train, skip)[0]
+    timed, words = with_instants(evidence, judged_at(evidence))
+    evidence = gathered(mechanism, timed, train, skip)[0] if words else evidence
+    found = completed(evidence, judged_at(evidence))
+    return found._replace(words=(*words, *found.words))
 
 
 @stage("validating the fit")

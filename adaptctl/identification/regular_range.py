@@ -77,7 +77,7 @@ def _oblique(mechanism: Mechanism, limits: MotionLimits) -> MotionLimits:
             lower[j], upper[j] = least + margin, most - margin
     if np.array_equal(rows, np.eye(len(lower))):
         return limits
-    axes = np.linalg.inv(rows)
+    axes = np.asarray(np.linalg.inv(rows), dtype=np.float64)
     speeds = np.where(axes != 0.0, (limits.velocity / np.abs(axes).sum(axis=1))[:, None], np.inf).min(axis=0)
     return replace(limits, lower=lower, upper=upper, velocity=speeds, axes=axes)
 

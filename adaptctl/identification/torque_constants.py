@@ -132,6 +132,7 @@ def validate_payload(
         raise InputError(
             f"payload in {payload.log}: the log hardly shows it (mass {mass:.2g} kg with a deviation of {off[0]:.1g} "
             f"kg, centre with {off[1:].max() / mass:.1g} m); record a motion that turns it across gravity and further"
+            + (f", or check that it is taken at {payload.after:g} s" if np.isfinite(payload.after) else "")
         )
 
 

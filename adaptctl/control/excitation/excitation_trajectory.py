@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import minimize
 
-from adaptctl.arrays import Array, frozen_array, numbers, per_joint, positive_number, real_number, whole_count
+from adaptctl.arrays import Array, frozen_array, numbers, positive_number, whole_count
 from adaptctl.caching import cached_property
 from adaptctl.control.adaptation import PriorRanges
 from adaptctl.control.excitation.measure import regressor_of
