@@ -12,11 +12,11 @@ import pytest
 from nightly import nightly
 
 from adaptctl.cli.main import main
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, NotFoundError
 from adaptctl.experiments.adaptive import AdaptiveTracking
 from adaptctl.sweeps.folder import table
 from adaptctl.sweeps.report import SweepReport
-from adaptctl.sweeps.rows import rows_of
+from adaptctl.sweeps.rows import rows_of, validate_controllers
 from adaptctl.sweeps.search import BestSettings, write_settings
 from adaptctl.sweeps.study import SweepStudy, as_span, parsed
 
@@ -93,6 +93,17 @@ def test_runs_that_all_fail_do_not_tell_of_a_setting() -> None:
     text = SweepReport(made, table(made, failed, made.count)).text()  # type: ignore[arg-type]
     assert "unknown controller 'nosuch'" in text
     assert "has no effect on the results" not in text
+
+
+def test_a_controller_that_no_run_has_is_refused_before_any_runs() -> None:
+    refused = r"^controllers: unknown controller 'nosuch'; controllers: learning, adaptive, "
+    made = SweepStudy.named("adaptive", SHORT | {"seed": "0,1"}, controllers=("adaptive", "nosuch"))
+    with pytest.raises(NotFoundError, match=refused):
+        validate_controllers(made.experiment, made.runs(), made.controllers)
+    both = SweepStudy.named("adaptive", SHORT | {"plant": "adaptctl,both"})
+    validate_controllers(both.experiment, both.runs(), ("adaptive", "mujoco-fine"))  # which the last run has
+    wrong = [{"robot": "nosuch"}]  # is told of in its row
+    validate_controllers(both.experiment, iter(wrong), ("nosuch",))
 
 
 def test_a_number_of_draws_is_for_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -107,6 +107,7 @@ def sweep(
     from adaptctl.sweeps.cluster import sweep as swept
     from adaptctl.sweeps.folder import Folder
     from adaptctl.sweeps.report import write_report
+    from adaptctl.sweeps.rows import validate_controllers
     from adaptctl.sweeps.study import SweepStudy
 
     if not 1 <= shard_size <= 100_000:
@@ -130,6 +131,7 @@ def sweep(
     if len(tls) not in (0, 3):
         raise InputError("TLS needs --tls-ca, --tls-cert and --tls-key")
     cluster = Cluster(jobs, scheduler, scheduler_file, (tls[0], tls[1], tls[2]) if tls else None)
+    validate_controllers(study.experiment, study.runs(), study.controllers)
     folder = Folder.opened(out, study, shard_size, sys.argv[1:])
     with interruptible() as interruption, shown_progress() as progress:
         heeded = interruption.heeded(progress)

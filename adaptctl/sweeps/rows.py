@@ -5,9 +5,11 @@ from __future__ import annotations
 import platform
 import time
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields
 from functools import lru_cache
+from itertools import islice
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -153,6 +155,30 @@ def named(candidates: Sequence[Some], names: Sequence[str]) -> list[Some]:
         if name not in known:
             raise NotFoundError(f"unknown controller {name!r}; controllers: {', '.join(known)}")
     return [one for one in candidates if not names or one.name in names]
+
+
+def validate_controllers(experiment: str, runs: Iterator[Mapping[str, Any]], names: Sequence[str]) -> None:
+    """Raise `NotFoundError` for the name of a controller that neither the first nor the last of the runs has."""
+    kind, missing, known = find(experiment), set(names), list[str]()
+    while missing and issubclass(kind, Learning) and (run := deque(islice(runs, None if known else 1), 1)):
+        if not (found := _controllers(kind, run[0])):
+            return
+        missing, known = missing.difference(found), [*known, *found]
+    if missing and known:
+        told = ", ".join(dict.fromkeys(known))
+        raise NotFoundError(f"controllers: unknown controller {min(missing)!r}; controllers: {told}")
+
+
+def _controllers(kind: type[Learning], settings: Mapping[str, Any]) -> list[str]:
+    """Names of a run's controllers; none where it fails, as its row will say."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", PhysicalConsistencyWarning)
+        warnings.simplefilter("ignore", SimplificationWarning)
+        try:
+            mechanism = _mechanism(one := kind(**settings))
+            return [contender.name for contender in one.contenders(mechanism, offline(mechanism))]
+        except FAILURES:
+            return []
 
 
 @lru_cache(maxsize=8)
