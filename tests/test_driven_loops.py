@@ -9,8 +9,10 @@ import pytest
 from five_bars import five_bar
 
 import adaptctl
+from adaptctl.control.gains.workspace import reachable
 from adaptctl.errors import SingularityError
 from adaptctl.hardware import GravityTorque, HardwareLimits, RobotReading
+from adaptctl.hardware.resting import StoppingDistance
 
 ARM = five_bar(np.array([0.4, 0.2, 0.3, 0.25]))
 HOME = ARM.neutral_configuration
@@ -24,6 +26,19 @@ def test_gravity_is_that_of_the_posture_however_far_from_the_reference() -> None
     for away in random.uniform(-1.0, 1.0, (40, 3)):
         p = arm.neutral_configuration + away
         np.testing.assert_allclose(gravity(p), arm.inverse_dynamics(p, STILL, STILL), atol=1e-9)
+
+
+def test_stops_are_reckoned_with_postures_of_the_whole_range() -> None:
+    """At its neutral posture this arm can be slowed down up to six times as hard as elsewhere."""
+    limits = HardwareLimits.of(ARM, torque_rate=1000.0)
+    p = np.random.default_rng(1).uniform(np.maximum(limits.lower, -np.pi), np.minimum(limits.upper, np.pi), (300, 3))
+    p = p[reachable(ARM, p)]
+    left = 0.5 * (limits.torque - np.abs(ARM.inverse_dynamics(p, 0.0 * p, 0.0 * p)))
+    possible = (left / (np.abs(ARM.mass_matrix(p)) @ limits.velocity)).min(axis=-1)
+    stated = StoppingDistance(ARM, limits, 4e-3).deceleration / limits.velocity
+    assert np.mean(possible < stated[0]) < 0.05
+    at_home = 0.5 * limits.torque / (np.abs(ARM.mass_matrix(HOME)) @ limits.velocity)
+    assert stated[0] < 0.3 * at_home.min()
 
 
 class Standing:

@@ -6,14 +6,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array
+from adaptctl.control.gains.workspace import reachable
 from adaptctl.dynamics import Mechanism
 from adaptctl.hardware.robot import HardwareLimits
 from adaptctl.hardware.torque_guard import RATE_SHARE
 
 BRAKE_SHARE = 0.5
 """share of the torque left after gravity that a planned stop uses: the rest is for what the model does not know"""
-SAMPLES = 64
-"""number of postures"""
+SAMPLES, LOOP_SAMPLES = 64, 200
+"""number of postures, and of those of an arm with loops, which close at some of them"""
 PEAK = 1.875
 """greatest slope of a quintic step, times its duration"""
 MIN_STOP, MAX_STOP = 0.1, 3.0
@@ -78,8 +79,8 @@ def _sampled(mechanism: Mechanism, limits: HardwareLimits) -> tuple[Array, Array
     """Mass matrices (n, r, r) and gravity torques (n, r)."""
     lower, upper = np.maximum(limits.lower, -np.pi), np.minimum(limits.upper, np.pi)
     random = np.random.default_rng(0)
-    p = random.uniform(lower, upper, (SAMPLES, mechanism.dof))
+    p = random.uniform(lower, upper, (SAMPLES if mechanism.is_plain_tree else LOOP_SAMPLES, mechanism.dof))
     if not mechanism.is_plain_tree:
-        p = np.broadcast_to(mechanism.neutral_configuration, p.shape)
+        p = np.concatenate([p[reachable(mechanism, p)], [mechanism.neutral_configuration]])
     rest = np.zeros_like(p)
     return mechanism.mass_matrix(p), mechanism.inverse_dynamics(p, rest, rest)
