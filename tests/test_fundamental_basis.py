@@ -297,6 +297,22 @@ def test_a_basis_that_was_changed_is_accepted_by_the_line_that_is_told(basis: Fu
     assert np.abs(changed.regrouping - basis.regrouping).max() == pytest.approx(0.5)
 
 
+def test_flipped_files_are_refused_or_say_the_same(basis: FundamentalBasis, tmp_path: Path) -> None:
+    basis.save(tmp_path / "basis.json")
+    good, rng = (tmp_path / "basis.json").read_bytes(), np.random.default_rng(3)
+    digits = np.flatnonzero([chr(byte).isdigit() for byte in good])
+    refused = 0
+    for place in rng.choice(digits, 60):
+        flipped = bytearray(good)
+        flipped[place] ^= 1 << rng.integers(3)  # most digits stay digits
+        (tmp_path / "basis.json").write_bytes(flipped)
+        try:
+            assert FundamentalBasis.load(tmp_path / "basis.json").equations() == basis.equations()
+        except FileError:
+            refused += 1
+    assert refused >= 55
+
+
 def test_files_that_are_no_basis(basis: FundamentalBasis, tmp_path: Path) -> None:
     basis.save(tmp_path / "basis.json")
     half = (tmp_path / "basis.json").read_bytes()[:2000]
