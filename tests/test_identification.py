@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from nightly import at_night, mostly_at_night, nightly
+from nightly import mostly_at_night, nightly
 from random_trees import random_chain
 from scipy.optimize import minimize
 from synthetic_logs import joint_drives, known, motion
@@ -39,20 +39,30 @@ def found(seed: int, colour: float) -> tuple[Identification, np.ndarray]:
     return result, result.model.regrouping @ case.truth.inertial_parameters
 
 
-# Deviations hold the larger of two kinds of noise and what the prior may bias: over ten logs they are too wide.
-WIDE = pytest.mark.xfail(strict=True, reason="errors are 0.77 and 0.79 of the deviations, and at least 0.8 is expected")
-
-
-@pytest.mark.parametrize(
-    ("colour", "count"),
-    [(0.9, 3), at_night((0.0, 3)), *(pytest.param(colour, 10, marks=[nightly, WIDE]) for colour in (0.0, 0.9))],
-)
+@pytest.mark.parametrize(("colour", "count"), mostly_at_night([(0.9, 3), (0.0, 3), (0.0, 30), (0.9, 30)], (0.9, 3)))
 def test_the_truth_is_within_two_deviations(colour: float, count: int) -> None:
+    """Over thirty logs: in the first ten even least squares with the noise known is 0.93 of its deviations off."""
     cases = [found(seed, colour) for seed in range(count)]
     z = np.concatenate([(result.estimate - truth) / result.deviations for result, truth in cases])
     assert len(z) > 15 * count
     assert np.mean(np.abs(z) < 2.0) >= 0.93  # 95 %, less a deviation and a half of so many draws
     assert 0.8 < np.sqrt(np.mean(z**2)) < 1.25
+
+
+def test_intervals_are_one_sided_at_zero_and_none_where_the_prior_decides() -> None:
+    """Ten parameters of a link and three of its drive, of which friction is known to be positive."""
+    result, truth = found(1, 0.9)
+    wide = 10.0 * np.abs(result.estimate)
+    shares = (np.arange(len(truth)) == 0).astype(np.float64)
+    rough = replace(result, deviations=wide, prior_shares=shares)
+    assert np.isnan(rough.intervals[0]).all()
+    lower = dict(zip(rough.names[1:], rough.intervals[1:, 0].tolist(), strict=True))
+    assert lower["joint0.viscous"] == lower["joint2.coulomb"] == 0.0
+    assert lower["link2.mc_y"] < 0.0
+    inside = (truth >= result.intervals[:, 0]) & (truth <= result.intervals[:, 1])
+    told = ~np.isnan(result.intervals[:, 0])
+    assert told.mean() >= 0.9
+    assert inside[told].mean() >= 0.9
 
 
 @pytest.mark.parametrize("count", mostly_at_night([3, 10], 3))

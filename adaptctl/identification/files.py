@@ -132,9 +132,10 @@ def estimates(found: Identification) -> dict[str, Any]:
     fundamental = {
         name: {
             **dict(zip(("value", "deviation", "prior_range", "gain"), map(float, row), strict=True)),
+            "interval": None if np.isnan(interval).any() else interval.tolist(),
             "unit": parameter_unit(name, found.mechanism),
         }
-        for name, row in zip(found.names, columns, strict=True)
+        for name, row, interval in zip(found.names, columns, found.intervals, strict=True)
     }
     parameters = found.mechanism.inertial_parameters.tolist()
     numbers = {

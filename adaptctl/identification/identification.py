@@ -8,6 +8,7 @@ import numpy as np
 
 from adaptctl.arrays import Array, positive_number
 from adaptctl.caching import cached_property
+from adaptctl.description.drive import MAY_BE_NEGATIVE, DriveParameter
 from adaptctl.dynamics import Mechanism
 from adaptctl.identifiability import EssentialSpace, ReducedModel
 from adaptctl.identification.choice import Choice
@@ -19,6 +20,9 @@ from adaptctl.identification.identified_payload import IdentifiedPayload
 from adaptctl.identification.preparation import PreparationStep
 from adaptctl.identification.uncertainty import Combination, unexcited
 from adaptctl.identification.validation import Validation
+
+# Deviations of an interval of 95 %, and share of their squares by the prior from which on there is none.
+INTERVAL, MAX_PRIOR_SHARE = 1.96, 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +75,8 @@ class Identification:
         Hypotheses about what the logs' columns mean, the log as it is first, with their errors. None by default.
     payloads : tuple of IdentifiedPayload, optional
         Bodies carried in a log of which mass, centre or inertia was identified. None by default.
+    prior_shares : numpy.ndarray, optional
+        Shares (k,) of the squared deviations that come from what the logs leave to the prior. Default: unknown.
 
     Examples
     --------
@@ -105,6 +111,7 @@ class Identification:
     drives: Drives
     hypotheses: tuple[TriedHypothesis, ...] = ()
     payloads: tuple[IdentifiedPayload, ...] = ()
+    prior_shares: Array | None = None
 
     def __repr__(self) -> str:
         error = f"torque error {self.validation.relative_error:.2%}"
@@ -119,6 +126,18 @@ class Identification:
     def names(self) -> tuple[str, ...]:
         """Names of the k base parameters, such as ``link2.mc_x``, in the order of `estimate`."""
         return self.model.names
+
+    @property
+    def intervals(self) -> Array:
+        """Intervals (k, 2) of 95 %, from 0 on where negative values cannot be; NaN where the prior decides more."""
+        from_zero = np.array(
+            [_is_positive(name, row) for name, row in zip(self.names, self.model.regrouping, strict=True)]
+        )
+        lower, upper = self.estimate - INTERVAL * self.deviations, self.estimate + INTERVAL * self.deviations
+        found = np.column_stack([np.where(from_zero, np.maximum(lower, 0.0), lower), upper])
+        if self.prior_shares is not None:
+            found[self.prior_shares > MAX_PRIOR_SHARE] = np.nan
+        return found
 
     @property
     def deviation_ratio(self) -> float:
@@ -161,3 +180,9 @@ class Identification:
     def unexcited(self) -> list[Combination]:
         """Combinations of base parameters that the logs hardly excite: strength below 3 times `deviation_ratio`."""
         return unexcited(self.combinations, self.deviation_ratio)
+
+
+def _is_positive(name: str, regrouping: Array) -> bool:
+    """True for a drive's own parameter that is never negative."""
+    kinds = {kind.value for kind in DriveParameter if kind not in MAY_BE_NEGATIVE}
+    return name.rsplit(".", 1)[1] in kinds and np.count_nonzero(regrouping) == 1

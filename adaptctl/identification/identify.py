@@ -342,8 +342,7 @@ def _result(
     places = [evidence.mechanism.parameter_names.index(name) for name in identified.parameter_names]
     onto = np.zeros((len(model.columns), len(fit.x)))
     onto[:, places] = model.regrouping
-    spread = with_lasting_errors(uncertainty(evidence, fit), evidence, fit)
-    spread = with_untold_springs(spread, evidence, fit)
+    spread = with_untold_springs(with_lasting_errors(uncertainty(evidence, fit), evidence, fit), evidence, fit)
     rough = PriorRanges().for_parameters(model.names) * np.isin(model.names, fit.settings.untold)
     kept = [places[c] for c in model.columns]
     space, components = essential_components(*_states(identified, evidence))
@@ -367,6 +366,7 @@ def _result(
         tuple(combinations(fit.curvature[np.ix_(kept, kept)], model.names)),
         tuple(evidence.motions),
         evidence.drives,
+        prior_shares=np.maximum(spread.bias_shares(onto), rough > 0.0),
     )
 
 

@@ -247,13 +247,18 @@ def _parameters(found: Identification) -> Section:
     rows = [(name, typeset(parameter_unit(name, found.mechanism)), f"{x:.4g}", f"{s:.2g}") for name, x, s in columns]
     head = (
         f"{consistency(found)} Standard deviations are by the block jackknife, plus the uncertainty of the prior; they "
-        f"are {found.deviation_ratio:.1f} times those for white residuals (median)."
+        f"are {found.deviation_ratio:.1f} times those for white residuals (median).{_without_interval(found)}"
     )
     table = Table(("parameter", "unit", "estimate", "deviation"), rows, align="csrr", layout=TableLayout.HALVES)
     basis = found.model.basis
     equations = Lines([str(equation) for equation in basis.equations()] if basis is not None else [])
     told = Note("Regrouping relations; a star marks a base parameter.")
     return Section("Parameters", (head, table, told, equations))
+
+
+def _without_interval(found: Identification) -> str:
+    none = [name for name, ends in zip(found.names, found.intervals, strict=True) if np.isnan(ends).any()]
+    return f" {', '.join(none)}: no interval, the prior decides more than the logs." if none else ""
 
 
 def _excited(found: Identification) -> Section:

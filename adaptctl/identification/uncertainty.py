@@ -53,6 +53,11 @@ class Uncertainty:
         lasting = 0.0 if self.serial is None else _variances(combinations, self.serial)
         return np.sqrt(np.maximum(sampled, lasting) + _variances(combinations, self.bias))
 
+    def bias_shares(self, combinations: Array) -> Array:
+        """Shares (k,) of the squared deviations of combinations (k, P) that are by bias; 1 where there is none."""
+        whole = self.of(combinations) ** 2
+        return np.divide(_variances(combinations, self.bias), whole, out=np.ones(len(whole)), where=whole > 0.0)
+
     def nominal_of(self, combinations: Array) -> Array:
         """Standard deviations (k,) of combinations (k, P) for white residuals."""
         return np.sqrt(_variances(combinations, self.nominal))
