@@ -76,7 +76,7 @@ STATED = [
     ("tuning", f"{feasible_reference.MAX_AMPLITUDE} rad. A joint may need"),
     ("tuning", f"A joint may need {percent(feasible_reference.TORQUE_SHARE)} of its torque limit"),
     ("tuning", "One sinusoid per joint, {} to {} Hz".format(*feasible_reference.FREQUENCIES)),
-    ("tuning", f"up to {percent(feasible_reference.MAX_TORQUE_SHARE)}. If it needs more"),
+    ("tuning", f"up to {percent(feasible_reference.MAX_TORQUE_SHARE)}. The amplitude"),
     ("tuning", f"up to {integrator.MAX_EXPLICIT_SUBSTEPS} steps per period"),
     ("tuning", f"are run for {SEARCH_DURATION:.0f} s each"),
     ("tuning", f"link errors of {percent(verification.LINK_ERROR)}, and other link errors"),

@@ -49,7 +49,9 @@ class PageCell(NamedTuple):
 
 def short(value: float) -> str:
     """Number with three digits, a dash where there is none."""
-    return "–" if math.isnan(value) else "∞" if math.isinf(value) else f"{value:.3g}"
+    if math.isnan(value) or math.isinf(value):
+        return "–" if math.isnan(value) else "∞"
+    return f"{digits(value):,.0f}" if abs(value) >= 1e3 else f"{value:.3g}"
 
 
 def write_page(

@@ -17,7 +17,7 @@ from adaptctl.contest.running import ContestFolder, rows_as_table, rows_of_table
 from adaptctl.contest.scene import scene_of
 from adaptctl.contest.trial import in_time
 from adaptctl.control import Controller
-from adaptctl.control.controller import Reference
+from adaptctl.control.controller import Reference, compiled_law
 from adaptctl.errors import FileError
 from adaptctl.sweeps.cluster import Cluster
 from adaptctl.sweeps.folder import read_checked, write_checked
@@ -96,6 +96,7 @@ def _measured(entry: ContestEntry) -> Row:
     seed = entry.seeds[0]
     known = Known.of(scene, entrant.knows, seed, condition.parameters(scene, seed))
     entrant_of("gradient").make(known)  # with what all laws share
+    compiled_law.cache_clear()  # as laws of other parameters may have left theirs
     began = perf_counter()
     law = entrant.make(known)
     made = perf_counter()

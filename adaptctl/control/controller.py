@@ -460,7 +460,7 @@ class Controller(Tunable, ABC, Generic[Memory]):
     @cached_property
     def _tick(self) -> Kernel | OnFloats:
         """Law on arrays, compiled up to 100 joints."""
-        return _compiled(self.structure)
+        return compiled_law(self.structure)
 
     def _step_many(
         self, state: Memory, p: ArrayLike, v: ArrayLike, reference: ReferencePoint, gains: Array | None = None
@@ -563,7 +563,8 @@ class Controller(Tunable, ABC, Generic[Memory]):
 
 
 @lru_cache(maxsize=64)
-def _compiled(structure: Structure) -> Kernel | OnFloats:
+def compiled_law(structure: Structure) -> Kernel | OnFloats:
+    """Law of a structure on arrays, compiled once a process."""
     law: Any = structure.of
     equation, about = law._packed_equation(), {"name": type(law).__name__, "finite": law.finite, "form": law._form}
     return native_or_floats(equation, law._sizes, law.dof, **about)
