@@ -14,12 +14,12 @@ from adaptctl.identification.filtered_dynamics import Rows
 from adaptctl.identification.fit import Fit, FitSettings, LogEvidence
 from adaptctl.identification.friction_model import SIMPLE_FRICTION
 from adaptctl.identification.preparation import PreparationStep
-from adaptctl.identification.uncertainty import Student, inverse_curvature
+from adaptctl.identification.uncertainty import INTERVAL, Student, inverse_curvature
 from adaptctl.stages import stage
 
-# Delays that are told apart, in s and in sampling periods; deviations of half an interval of 95 %, those that must be
-# less to tell them apart, and those from 0 from which on one is beyond doubt: friction that lags is worth seven.
-LEAST_DELAY, LEAST_PERIODS, INTERVAL, DETERMINED, SURE = 1e-3, 0.1, 1.96, 3.0, 8.0
+# Delays that are told apart, in s and in sampling periods; deviations that must be less to tell them apart, and those
+# from 0 from which on one is beyond doubt: friction that lags is worth seven.
+LEAST_DELAY, LEAST_PERIODS, DETERMINED, SURE = 1e-3, 0.1, 3.0, 8.0
 # Friction beside which a delay is fitted: with less, that of the robot is taken for delay.
 FRICTION = SIMPLE_FRICTION.also((DriveParameter.SQUARE_ROOT, DriveParameter.STRIBECK))
 # Errors over the deviations that a fit tells, as simulated logs have them.

@@ -18,11 +18,11 @@ from adaptctl.identification.held_out import HeldOut
 from adaptctl.identification.hypotheses import TriedHypothesis
 from adaptctl.identification.identified_payload import IdentifiedPayload
 from adaptctl.identification.preparation import PreparationStep
-from adaptctl.identification.uncertainty import Combination, unexcited
+from adaptctl.identification.uncertainty import INTERVAL, Combination, unexcited
 from adaptctl.identification.validation import Validation
 
-# Deviations of an interval of 95 %, and share of their squares by the prior from which on there is none.
-INTERVAL, MAX_PRIOR_SHARE = 1.96, 0.5
+# Share of the squared deviations by the prior from which on there is no interval.
+MAX_PRIOR_SHARE = 0.5
 
 
 @dataclass(frozen=True, eq=False)

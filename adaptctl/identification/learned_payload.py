@@ -15,14 +15,13 @@ from adaptctl.identification.entropic import EntropicPrior
 from adaptctl.identification.identified_payload import IdentifiedPayload
 from adaptctl.identification.loaded_equations import BALL, UNKNOWN_MASS
 from adaptctl.identification.loaded_fit import PRIOR_WEIGHT
+from adaptctl.identification.uncertainty import INTERVAL
 
 TEN = len(PARAMETERS)
 # Share of the mass, m of the centre and m^2 of the inertia over the mass within which an interval of 95 % tells them.
 TOLD, TOLD_LENGTH, TOLD_SQUARE = 1.0 / 3.0, 0.03, 0.003
 # kg at least of the prior's body.
 LEAST_MASS = 0.05
-# Deviations of an interval of 95 %.
-INTERVAL = 1.96
 # kg within which a mass is told whatever its size.
 TOLD_MASS = 0.1
 # Eigenvalue of the information, relative to the prior's, from which on a direction is known.

@@ -20,6 +20,9 @@ from adaptctl.identifiability import EssentialSpace, ReducedModel, States, essen
 from adaptctl.identification.fit import Fit, LogEvidence
 from adaptctl.identification.robot_motion import RobotMotion
 
+INTERVAL = 1.96
+"""deviations of half an interval of 95 %"""
+
 
 class Student(NamedTuple):
     """Student's distribution of a mean over some blocks."""
