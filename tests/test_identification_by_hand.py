@@ -267,7 +267,7 @@ def mean_of(blocks: list[Array], prior: float, precision: float, weight: float =
     count, total = sum(map(len, blocks)), sum(float(block.sum()) for block in blocks)
     x = np.array([(total + precision * prior) / (count + precision)])
     links = SimpleNamespace(
-        curvature=lambda x, weight: np.array([[precision]]),
+        hold=lambda x, weight: np.array([[precision]]),
         tens=np.zeros(1),
         distance=lambda x: 0.5 * precision / weight * float(x[0] - prior) ** 2,
     )
