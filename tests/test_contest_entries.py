@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from contest_rows import entry, reasons
+from nightly import at_night
 
 from adaptctl.contest.entries import LONGEST_REASON, ContestEntry, _laws
 from adaptctl.contest.known import Knowledge
@@ -71,10 +72,11 @@ def test_one_law_serves_all_seeds_that_are_told_the_same() -> None:
     assert several[0] is several[2]
 
 
-def test_a_law_that_ends_its_process_is_a_row_with_its_reason(tmp_path: Path) -> None:
-    (tmp_path / "own.py").write_text("import os\nos._exit(3)\n")
+@pytest.mark.parametrize("code", [3, at_night(0)])
+def test_a_law_that_ends_its_process_is_a_row_with_its_reason(tmp_path: Path, code: int) -> None:
+    (tmp_path / "own.py").write_text(f"import os\nos._exit({code})\n")
     rows = rows_alone(entry(f"{tmp_path / 'own.py'}:Law", seeds=(1, 2)))
-    assert reasons(rows) == {"ended the process that ran it, with code 3"}
+    assert reasons(rows) == {f"ended the process that ran it, with code {code}"}
     assert [(row["law"], row["seed"]) for row in rows] == [("Law", 1), ("Law", 2)]
 
 

@@ -24,7 +24,7 @@ def rows_alone(entry: ContestEntry) -> list[Row]:
         asking.flush()
         answer = answering.read()
         code = child.wait()  # before its input ends
-    if code:
+    if code or not answer:
         reason = f"ended the process that ran it, with code {code}"
         return [row for name in entry.conditions for row in entry.failed(name, reason)]
     rows: list[Row] = json.loads(answer)
