@@ -134,9 +134,9 @@ def _spatial(link: Link) -> Any:
     """SpatialInertia of a link about its joint's frame."""
     from pydrake.multibody.tree import SpatialInertia, UnitInertia
 
-    mass, *first = transformed(link.inertia, link.joint_to_link)[:4]
+    ten = transformed(link.inertia, link.joint_to_link)
+    mass, tensor = float(ten[0]), inertia_tensor(ten)
     if not mass > 0.0:
         return SpatialInertia.Zero()
-    tensor = inertia_tensor(transformed(link.inertia, link.joint_to_link))
     about = UnitInertia(*(tensor[at] / mass for at in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))))
-    return SpatialInertia(mass, np.array(first) / mass, about, skip_validity_check=True)
+    return SpatialInertia(mass, ten[1:4] / mass, about, skip_validity_check=True)

@@ -44,10 +44,11 @@ def write_times(folder: ContestFolder, progress: Callable[[float], object]) -> N
     """Write the times of all entries that have none yet, in a process of their own."""
     known, entries = {row["entry"]: row for row in kept_times(folder)}, folder.entries()
     known |= {entry.name: _untimed(entry) for entry in entries if folder.fails(entry)}
-    with Cluster(jobs=1).client() as client:
-        for k, entry in enumerate(entries):
-            progress(k / len(entries))
-            if entry.name not in known:
+    missing = [entry for entry in entries if entry.name not in known]
+    if missing:
+        with Cluster(jobs=1).client() as client:
+            for k, entry in enumerate(missing):
+                progress(k / len(missing))
                 known[entry.name] = client.submit(times_of, entry, pure=False).result()
     rows = [known[entry.name] for entry in entries]
     write_checked(folder.path / TIMES, rows_as_table(rows, TIME_COLUMNS, folder.contest.scoring_hash))

@@ -37,12 +37,11 @@ HEAD = "law", "knows", "rank", "mrad", "over the true model", "over PD with grav
 
 
 def publish(folder: Path) -> None:
-    """Keep the page and the figures of a contest, and show its ranks."""
+    """Keep the page and the figure of a contest, and show its ranks."""
     contest = Contest.of(ASKED)
     ranking = Ranking(rows_of_table(read_checked(folder / RESULTS)), contest.families)
     write_text(KEPT, (folder / "index.html").read_text(encoding="utf-8"))
-    for name in ("ranks", "map"):
-        write_text(DOCS / "images" / f"contest-{name}.svg", (folder / "figures" / f"{name}.svg").read_text())
+    write_text(DOCS / "images" / "contest-ranks.svg", (folder / "figures" / "ranks.svg").read_text())
     told = "\n".join((_told(ranking, contest), "", ranks(row for row in ranking.table() if row["condition"] == ALL)))
     write_text(PAGE, inserted(PAGE.read_text(encoding="utf-8"), told, COMMAND))
 
