@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, checked
 from adaptctl.caching import cached_property
 from adaptctl.description.drive import MAY_BE_NEGATIVE
-from adaptctl.description.inertia import inertia_tensor, transformed
+from adaptctl.description.inertia import inertia_tensor
 from adaptctl.description.link import GROUND, Link
+from adaptctl.description.transforms import with_joint_frames
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.optional_packages import needed
 from adaptctl.simulation.period import PlantState
@@ -74,7 +75,7 @@ class _DrakeModel:
             raise InputError(f"{description.name}: the plant drake has no closed loops and coupled drives")
         self._system, self._bodies = MultibodyPlant(0.0), list[Any]()
         self._system.mutable_gravity_field().set_gravity_vector(description.gravity)
-        for link in description.links:
+        for link in with_joint_frames(description).links:
             self._add(link)
         self._system.Finalize()
         self._simulator = Simulator(self._system)
@@ -87,10 +88,8 @@ class _DrakeModel:
         from pydrake.math import RigidTransform, RotationMatrix
         from pydrake.multibody.tree import FixedOffsetFrame, PrismaticJoint, RevoluteJoint
 
-        links, at = self._mechanism.description.links, link.parent_to_joint
+        at = link.parent_to_joint
         above = self._system.world_body() if link.parent == GROUND else self._bodies[link.parent]
-        if link.parent != GROUND:
-            at = links[link.parent].joint_to_link @ at
         pose = RigidTransform(RotationMatrix.ProjectToRotationMatrix(at.rotation), at.translation)
         frame = self._system.AddFrame(FixedOffsetFrame(f"{link.name} before", above.body_frame(), pose))
         self._bodies.append(self._system.AddRigidBody(link.name, _spatial(link)))
@@ -101,7 +100,7 @@ class _DrakeModel:
     def _set(self, parameters: Array) -> None:
         """Set inertial parameters (P,), rotors and viscous friction."""
         self._parameters = parameters.copy()
-        description = self._mechanism.description.with_parameters(parameters)
+        description = with_joint_frames(self._mechanism.description.with_parameters(parameters))
         for body, link in zip(self._bodies, description.links, strict=True):
             drive = link.joint.drive
             if (drive.coulomb or 0.0) != 0.0 or any(drive.value(kind) for kind in MAY_BE_NEGATIVE):
@@ -131,12 +130,11 @@ class _DrakeModel:
 
 
 def _spatial(link: Link) -> Any:
-    """SpatialInertia of a link about its joint's frame."""
+    """SpatialInertia of a link whose frame is at its joint."""
     from pydrake.multibody.tree import SpatialInertia, UnitInertia
 
-    ten = transformed(link.inertia, link.joint_to_link)
-    mass, tensor = float(ten[0]), inertia_tensor(ten)
+    mass, tensor = float(link.inertia[0]), inertia_tensor(link.inertia)
     if not mass > 0.0:
         return SpatialInertia.Zero()
     about = UnitInertia(*(tensor[at] / mass for at in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))))
-    return SpatialInertia(mass, ten[1:4] / mass, about, skip_validity_check=True)
+    return SpatialInertia(mass, link.inertia[1:4] / mass, about, skip_validity_check=True)
