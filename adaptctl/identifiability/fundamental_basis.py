@@ -288,7 +288,8 @@ def fundamental_basis(
     tolerance : float, default 1e-3
         Threshold, without unit, for the independence of a parameter's row of `EssentialSpace.scaled_null_basis` from
         the rows of parameters removed before; above 0 and below 1/sqrt(P). Robots have values above 0.1 or below 1e-4.
-        Where those removed by default are nearly dependent, as of axes that are nearly parallel, it is 1e-2.
+        A proof replaces it up to 1e-3: the order is then followed exactly. Where parameters that are removed by default
+        are nearly dependent, as of axes that are nearly parallel, it is 1e-2.
     prove : bool, default False
         If true, the choice must also be made in exact arithmetic. By default this is done where the space has a proof.
 
@@ -301,8 +302,8 @@ def fundamental_basis(
     ------
     RankError
         If exact arithmetic keeps other parameters, the rank differs from the space's, or the priority removes
-        parameters that are nearly dependent (a condition number above 1e4, or 1e5 if
-        exact arithmetic makes the same choice).
+        parameters that are nearly dependent (a condition number above 1e4, or 1e8 if exact arithmetic makes the same
+        choice).
     InputError
         If the tolerance is out of range, names are given twice or unknown (`NotFoundError`), or `prove` is true and the
         space has no proof.

@@ -28,8 +28,10 @@ COEFFICIENT_ROUND_OFF = 1e-11
 WHOLE_NUMBER_TOLERANCE = 1e-13
 # Largest condition number of the matrix that is inverted for the regrouping, among scaled parameters.
 MAX_CONDITION = 1e4
-# The same where exact arithmetic says that they are independent. Rounded right angles make 5e5 (Sheu and Walker 1991).
-MAX_EXACT_CONDITION = 1e5
+# The same where exact arithmetic says that they are independent: torques keep seven digits.
+MAX_EXACT_CONDITION = 1e8
+# The same of an order that nobody asked for. Rounded right angles make 5e5 (Sheu and Walker 1991).
+MAX_DEFAULT_CONDITION = 1e5
 # Largest bound of that condition at which Cholesky's factor does not drown in round-off.
 MAX_CONDITION_BOUND = 1e7
 # Size below which coefficients are left out: they come from right angles that a file gives to nine digits.
@@ -115,8 +117,11 @@ class Regrouping:
 
     @property
     def determined(self) -> bool:
-        """True if the condition number is at most 1e4, or 1e5 if the choice is exact."""
-        most = self.condition_limit
+        """True if the condition number is at most 1e4, or 1e8 if the choice is exact."""
+        return self.conditioned_within(self.condition_limit)
+
+    def conditioned_within(self, most: float) -> bool:
+        """True if the condition number is at most this."""
         return self.bound <= most or self.condition <= most
 
     @cached_property
