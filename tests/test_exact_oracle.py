@@ -51,6 +51,12 @@ def test_orders_that_floats_can_follow_are_followed_without_a_word(seed: int) ->
     assert basis.kept_despite_priority == ()
 
 
+def test_energies_whose_singular_vectors_divide_and_conquer_does_not_find() -> None:
+    case = random_case(70704)
+    space = essential_space(case.mechanism(), method="svd")
+    assert space.rank == len(independent(case.differences(0), range(len(space.parameter_names))))
+
+
 @pytest.mark.parametrize("first", [at_night(n) for n in range(0, 1000, 100)])
 def test_a_hundred_random_mechanisms(first: int) -> None:
     """None wrong, and of those that are not nearly special one in fifty refused at most."""

@@ -34,8 +34,14 @@ def singular_values(matrix: Array) -> Array:
 
 def right_vectors(matrix: Array) -> Array:
     """Orthonormal right singular vectors (n, n), in columns."""
+    square = triangle(matrix)
     with one_thread():
-        return np.asarray(np.linalg.svd(triangle(matrix))[2].T, dtype=np.float64)
+        try:
+            return np.asarray(np.linalg.svd(square)[2].T, dtype=np.float64)
+        except np.linalg.LinAlgError:  # Divide and conquer fails for a few matrices, where QR iterations do not.
+            from scipy.linalg import svd
+
+            return np.asarray(svd(square, lapack_driver="gesvd")[2].T, dtype=np.float64)
 
 
 @contextmanager
