@@ -29,15 +29,24 @@ class Numbers(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class LearnedFile(msgspec.Struct, forbid_unknown_fields=True):
-    """Content of the file, with the time in s since 1970 and hashes of the geometry and of the numbers."""
+    """Content of the file, with the time in s since 1970 and hashes of the geometry and of time and numbers."""
 
-    schema: Literal["adaptctl/learned/1"]
+    schema: Literal["adaptctl/learned/2"]
     mechanism: str
     geometry_sha256: str
     saved_at: float
     parameters: list[str]
     numbers: Numbers
     sha256: str
+
+    @property
+    def unchanged(self) -> bool:
+        """True if time and numbers are those that were saved."""
+        return self.sha256 == _hash(self.saved_at, self.numbers)
+
+
+def _hash(saved_at: float, numbers: Numbers) -> str:
+    return hashed([saved_at, msgspec.to_builtins(numbers)])
 
 
 def save_learned(path: str | Path, controller: SlotineLi, state: AdaptiveState) -> None:
@@ -76,8 +85,9 @@ def save_learned(path: str | Path, controller: SlotineLi, state: AdaptiveState) 
     arrays = law.gain, trusted, memory.stored.remembered, counts * memory.stored.known
     numbers = Numbers(*(np.asarray(x, dtype=np.float64).tolist() for x in arrays))
     mechanism, names = controller.model.mechanism, list(controller.model.names)
-    about = mechanism.name, mechanism.geometry_sha256, time.time(), names
-    write_json(path, LearnedFile("adaptctl/learned/1", *about, numbers, hashed(msgspec.to_builtins(numbers))))
+    now = time.time()
+    about = mechanism.name, mechanism.geometry_sha256, now, names
+    write_json(path, LearnedFile("adaptctl/learned/2", *about, numbers, _hash(now, numbers)))
 
 
 def warm_start(
@@ -140,7 +150,7 @@ def _validate(path: str | Path, file: LearnedFile, controller: SlotineLi, max_ag
         )
     k = len(model.names)
     sizes = [len(x) for x in (numbers.gain, numbers.estimate, numbers.known, numbers.information)]
-    if file.sha256 != hashed(msgspec.to_builtins(numbers)) or sizes != [k, k, k, k * (k + 1) // 2]:
+    if not file.unchanged or sizes != [k, k, k, k * (k + 1) // 2]:
         raise InputError(f"{path}: the numbers were changed since they were saved: start without it")
     if age > max_age:
         raise InputError(f"{path}: was saved {age:.0f} s ago, and max_age is {max_age:g} s: start without it")

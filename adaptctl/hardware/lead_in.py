@@ -11,7 +11,7 @@ from adaptctl.control import FadeIn
 from adaptctl.control.controller import Reference, ReferencePoint
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
-from adaptctl.hardware.resting import StoppingDistance
+from adaptctl.hardware.resting import MARGIN, StoppingDistance
 from adaptctl.hardware.robot import HardwareLimits
 
 LEAD_INS = (3.0, 5.0, 8.0, 12.0, 20.0)
@@ -96,7 +96,7 @@ def beyond_limits(
             v,
             f"moves at {{:.4g}}, above {SPEED_SHARE:.0%} of its limit",
         ),
-        (stopping.beyond(p, v), p, "cannot be stopped in front of its end from {:.4g} at that speed"),
+        (stopping.beyond(p, v), p, f"cannot be stopped {MARGIN:g} in front of its end from {{:.4g}}"),
         *_torques(point, mechanism, limits),
     ]
     for mask, values, text in checks:
