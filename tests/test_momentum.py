@@ -9,10 +9,15 @@ from sampled_loops import arm, gains, plant, posture, reduced, swinging
 from adaptctl.arrays import Array, stacked_rows
 from adaptctl.compilation import compile_function
 from adaptctl.control import SlotineLi
+from adaptctl.control.adaptation import two_stage_filter
 from adaptctl.control.adaptation.composite import Filtered, TorqueFilter
 from adaptctl.control.adaptation.law import Period
+from adaptctl.control.adaptation.two_stage_filter import FilteredTwice
+from adaptctl.dynamics import load
 from adaptctl.dynamics.recursion.energy import momentum_terms
+from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, column
+from adaptctl.tuning import with_friction
 
 ARMS = ["puma560_arm3", "puma560_friction", "semi_direct_drive"]
 
@@ -47,6 +52,36 @@ def test_torque_is_the_momenta_s_rate_less_the_forces(name: str) -> None:
     rows = (later - earlier) / (2.0 * h) - terms(name, p, v)[1]
     expected = reduced(name).torque_regressor(p, v, a)
     np.testing.assert_allclose(rows, expected, atol=1e-7 * np.abs(expected).max())
+
+
+def test_friction_acts_at_the_velocity_that_is_given_for_it() -> None:
+    name = "puma560_friction"
+    (p, v, _), model = states(name, 20), reduced(name)
+    v_f, q = v + np.array([0.3, -2.0, 0.02, 0.0, 1.0, 5.0]), arm(name).configuration(p)
+    given = momentum_terms(arm(name).equations, column(q), column(v), model.columns, column(v_f))
+    changed = stacked_rows(given.forces, (20,)) - terms(name, p, v)[1]
+    for k, parameter in enumerate(model.names):
+        joint, kind = int(parameter[len("joint")]) - 1 if parameter.startswith("joint") else 0, parameter.split(".")[-1]
+        law = {"viscous": lambda x: x, "coulomb": lambda x: x / np.sqrt(x * x + 1e-4)}.get(kind)
+        expected = np.zeros((20, 6))
+        if law is not None:
+            expected[:, joint] = law(v[:, joint]) - law(v_f[:, joint])
+        np.testing.assert_allclose(changed[..., k], expected, atol=1e-12 * 20)
+    assert [name for name in model.names if name.endswith("coulomb")]
+
+
+def test_noise_of_velocities_does_not_turn_the_friction_that_a_filter_predicts() -> None:
+    model, period, none = ReducedModel(with_friction(load("two_link"))), 1e-3, column(np.zeros(2))
+    at = [model.names.index(f"{joint.name}.coulomb") for joint in model.mechanism.primary_joints]
+    p = column([0.1, 0.1])
+    first, second, *rest = two_stage_filter.start(model, np.zeros(2), np.zeros(2), 100.0, period)
+    memory = FilteredTwice(Filtered(*map(column, first)), Filtered(*map(column, second)), *map(column, rest))
+    for k in range(150):  # 15 time constants
+        noise = column([0.3 * (-1.0) ** k] * 2)
+        now = Period(lambda s: s, noise, noise, none, p, p + noise, period, period, none)
+        rows, _, _, memory = two_stage_filter.predicted(model, now, memory, 100.0)
+    friction = [float(row[k]) for row, k in zip(rows, at, strict=True)]
+    np.testing.assert_allclose(friction, 0.1 / np.hypot(0.1, 0.01), rtol=0.02)  # at the noisy velocities 0
 
 
 def prediction_error(name: str, period: float) -> float:

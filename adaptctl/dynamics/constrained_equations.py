@@ -96,9 +96,9 @@ class ConstrainedEquations(Equations):
         """Potential part (P,) of the energy regressor."""
         return self._gathered(self.whole.potential_regressor(q).of)
 
-    def motion(self, q: Column, v: Column, v_r: Column, a_r: Column) -> ConstrainedMotion:
+    def motion(self, q: Column, v: Column, v_r: Column, a_r: Column, v_f: Column | None = None) -> ConstrainedMotion:
         """Motion at one instant."""
-        return ConstrainedMotion(self, self.whole.motion(q, v, v_r, a_r))
+        return ConstrainedMotion(self, self.whole.motion(q, v, v_r, a_r, v_f))
 
     def restored_motion(self, numbers: Column) -> ConstrainedMotion:
         """Motion rebuilt from its `numbers`."""

@@ -171,7 +171,7 @@ class Equations(ABC):
         """
 
     @abstractmethod
-    def motion(self, q: Column, v: Column, v_r: Column, a_r: Column) -> Motion:
+    def motion(self, q: Column, v: Column, v_r: Column, a_r: Column, v_f: Column | None = None) -> Motion:
         """
         Compute the kinematics at one instant, from which torques and regressors follow.
 
@@ -182,6 +182,8 @@ class Equations(ABC):
         v, v_r, a_r : Column
             Velocities, Slotine and Li's reference velocities (rad/s) and reference accelerations (rad/s^2) of the
             primary joints, each (r,); m in place of rad for prismatic joints.
+        v_f : Column, optional
+            Velocities (r,) of the primary joints at which friction acts in rad/s (m/s). Default: v_r.
 
         Returns
         -------

@@ -135,9 +135,9 @@ class LoopEquations(Equations):
         """Potential part (P,) of the energy regressor."""
         return self.tree.potential_regressor(q)
 
-    def motion(self, q: Column, v: Column, v_r: Column, a_r: Column) -> LoopMotion:
+    def motion(self, q: Column, v: Column, v_r: Column, a_r: Column, v_f: Column | None = None) -> LoopMotion:
         """Motion at one instant."""
-        return self._motion(self.posture(q), q, v, v_r, a_r)
+        return self._motion(self.posture(q), q, v, v_r, a_r, v_f)
 
     def restored_motion(self, numbers: Column) -> LoopMotion:
         """Motion rebuilt from its `numbers`."""
@@ -178,10 +178,13 @@ class LoopEquations(Equations):
         loads = [Column(row @ way for row in rows) for way in ways]
         return [[ways[max(i, j)] @ loads[min(i, j)] for j in range(self.dof)] for i in range(self.dof)]
 
-    def _motion(self, posture: Posture, q: Column, v: Column, v_r: Column, a_r: Column) -> LoopMotion:
+    def _motion(
+        self, posture: Posture, q: Column, v: Column, v_r: Column, a_r: Column, v_f: Column | None = None
+    ) -> LoopMotion:
         u = posture.tree(v)
         w = u if v is v_r else posture.tree(v_r)
-        return LoopMotion(posture, self.tree.motion(q, u, w, posture.tree(a_r) + posture.bias(u, w)))
+        rubbing = None if v_f is None else posture.tree(v_f)
+        return LoopMotion(posture, self.tree.motion(q, u, w, posture.tree(a_r) + posture.bias(u, w), rubbing))
 
 
 def content(value: Any) -> Any:

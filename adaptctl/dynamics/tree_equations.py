@@ -134,10 +134,10 @@ class TreeEquations(Equations):
         links = energy.potential_regressor(self.segments, p, self.gravity)
         return Column((*self.layout.owned(links), *(term.potential(p) for term in self.layout.drives)))
 
-    def motion(self, p: Column, v: Column, v_r: Column, a_r: Column) -> TreeMotion:
+    def motion(self, p: Column, v: Column, v_r: Column, a_r: Column, v_f: Column | None = None) -> TreeMotion:
         """Motion at one instant."""
         places = self._placements(p)
-        drives = [term.torque(p, v_r, a_r) for term in self.layout.drives]
+        drives = [term.torque(p, v_r if v_f is None else v_f, a_r) for term in self.layout.drives]
         return TreeMotion(self.layout, places, motions(places, v, v_r, a_r, self.gravity), drives)
 
     def restored_motion(self, numbers: Column) -> TreeMotion:

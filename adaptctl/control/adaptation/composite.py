@@ -54,9 +54,9 @@ class TorqueFilter:
         first_rows = Column(kept) if isinstance(q, Column) else stacked(kept, q.shape[:-1])
         return Filtered(first_rows, np.zeros(model.mechanism.dof))
 
-    def predicted(self, model: ReducedModel, period: Period, memory: Filtered) -> Prediction:
-        """Prediction at the end of a control period."""
-        momentum, forces = momentum_terms(model.mechanism.equations, period.q, period.v, model.columns)
+    def predicted(self, model: ReducedModel, period: Period, memory: Filtered, v_f: Column | None = None) -> Prediction:
+        """Prediction at the end of a control period, with friction at v_f, or at the velocities."""
+        momentum, forces = momentum_terms(model.mechanism.equations, period.q, period.v, model.columns, v_f)
         k, keep, last = len(model.columns), self._keep, iter(memory.regressor)
         rows: list[Column] = []
         before: list[Any] = []

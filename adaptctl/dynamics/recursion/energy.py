@@ -71,8 +71,10 @@ class MomentumTerms(NamedTuple):
     forces: list[Column]
 
 
-def momentum_terms(equations: Equations, q: Column, v: Column, columns: Sequence[int]) -> MomentumTerms:
-    """Regressors of the momenta M v and their forces."""
+def momentum_terms(
+    equations: Equations, q: Column, v: Column, columns: Sequence[int], v_f: Column | None = None
+) -> MomentumTerms:
+    """Regressors of the momenta M v and their forces, friction at v_f among them, or at v."""
     if equations.has_constraint_bias:
         raise InputError("prediction of filtered torques needs constraints that set parameters to zero")
     still = Column.zeros(equations.dof)
@@ -80,7 +82,7 @@ def momentum_terms(equations: Equations, q: Column, v: Column, columns: Sequence
     rows = equations.without_gravity().torque_regressor(moving, still, still, v, columns)
     momentum = [Column(_value(x) for x in row) for row in rows]
     change = [Column(_slope(x) for x in row) for row in rows]
-    bias = equations.torque_regressor(q, v, v, still, columns)
+    bias = equations.motion(q, v, v, still, v_f).regressor(columns)
     return MomentumTerms(momentum, [c - b for c, b in zip(change, bias, strict=True)])
 
 
