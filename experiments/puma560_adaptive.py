@@ -150,7 +150,7 @@ class Puma560Adaptive(FromRanges):
         mechanism, gain = model.mechanism, mapped_gain(model, self.adaptation(ReducedModel.full(model.mechanism)))
         limits, damping = self.torque_limits(mechanism), self.gains(mechanism).damping
         limits = finite_torque_limits(mechanism) if limits is None else limits
-        return learning_by_rule(gain, limits, damping, self.control_period, self.reference)
+        return learning_by_rule(mechanism, gain, limits, damping, self.control_period, self.reference)
 
     @property
     def reference(self) -> Sinusoids:

@@ -15,8 +15,10 @@ from sampled_loops import Loop, arm, gains, kinetic, loaded, loop, own_gain, pos
 
 from adaptctl import Plant, SlotineLi, adaptive_controller, simulate_many
 from adaptctl.arrays import Array
+from adaptctl.contest.entries import ContestEntry
 from adaptctl.control import AdaptiveState, GuardedLearning
 from adaptctl.control.adaptation.doubt import CLEAR
+from adaptctl.control.adaptation.guarded_learning import GRADIENT_SHARE
 from adaptctl.control.adaptation.guarded_memory import GuardedMemory
 from adaptctl.control.adaptation.payload_test import JudgedPeriod, PayloadSums, PayloadTest
 from adaptctl.control.adaptation.recalled_step import Flow, recalled_step
@@ -99,13 +101,13 @@ def test_a_recalled_step_is_that_of_dense_matrices(k: int, rows: int, seed: int)
 
 @pytest.mark.parametrize("period", [1e-3, 2e-3, 5e-3])
 def test_v_does_not_rise_while_nothing_is_doubted(period: float) -> None:
-    """V = s'Ms/2 + x' P^-1 x/2, x the parameter error; the gradient's part is sampled, hence a small allowance."""
+    """V = s'Ms/2 + x' (c P)^-1 x/2, x the parameter error; the gradient's part is sampled, hence a small allowance."""
     controller = learner(period, min_speed=0.0)
     run = loop(controller, arm(ARM), swinging(arm(ARM)), 3.0, period, off=0.05)
     law: Any = controller.adaptation_law
     errors = run.estimate - TRUE
     inverse = [np.linalg.inv(law.covariance(memory(state))) for state in run.states]
-    V = kinetic(arm(ARM), run) + 0.5 * np.einsum("ti,tij,tj->t", errors, np.array(inverse), errors)
+    V = kinetic(arm(ARM), run) + (0.5 / GRADIENT_SHARE) * np.einsum("ti,tij,tj->t", errors, np.array(inverse), errors)
     assert all(law.decision(memory(state)) == "model" for state in run.states)
     assert np.diff(V).max() < 2e-4 * V[0]
     assert V[-1] < 0.5 * V[0]
@@ -135,7 +137,7 @@ def test_a_step_is_that_of_dense_matrices() -> None:
             from_triangle(memory(after).stored.information, K), information, rtol=1e-9, atol=1e-9
         )
         moved = before.estimate - after.estimate
-        tracked = law.covariance(memory(after)) @ regressor_gradient(before, after, run, mechanism)
+        tracked = GRADIENT_SHARE * law.covariance(memory(after)) @ regressor_gradient(before, after, run, mechanism)
         np.testing.assert_allclose(moved, step + tracked, rtol=1e-4, atol=1e-7 * np.abs(before.estimate).max())
 
 
@@ -318,6 +320,17 @@ def test_the_default_controller_learns_friction_too() -> None:
     )
     assert final(runs, 18.0, 20.0) < 2.0 * final(measured(plant, own, parameters=true[None]), 18.0, 20.0)
     assert adaptive_controller(arm(ARM), friction=False).model.names == reduced(ARM).names
+
+
+@nightly
+@pytest.mark.parametrize(
+    "robot", ["finger_edu_description/robots/finger_edu.urdf", "ur_description/urdf/ur10_robot.urdf"]
+)
+def test_light_arms_learn_with_coarse_encoders(robot: str) -> None:
+    given = "{example-robot-data}/" + robot, "", ("encoder-12",), (1, 2, 3), 20.0, ("reference", "initial error")
+    true, learned = (ContestEntry(law, *given, "adaptctl").rows() for law in ("true", "learning"))
+    assert not [row["reason"] for row in learned if row["reason"]]
+    assert np.median([row["error"] for row in learned]) < 1.1 * np.median([row["error"] for row in true])
 
 
 @pytest.mark.parametrize(

@@ -32,7 +32,7 @@ from adaptctl.simulation.transmission import Transmission
 from adaptctl.tuning.verification import scaled_links
 
 FILTER = 60.0
-"""rad/s of the filter of encoder differences"""
+"""Hz, cutoff of the filter of encoder differences"""
 PUSHED, RELEASED, DROPPED = 6.0, 11.0, 8.0
 """s at which a push begins and ends, and a payload is dropped"""
 RISE = 2.0

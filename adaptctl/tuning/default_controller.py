@@ -95,7 +95,8 @@ def learning_law(model: ReducedModel, tuning: Tuning) -> GuardedLearning:
     -------
     GuardedLearning
         Law whose gain is the diagonal of the tuning's, and whose weight is 1/(sigma^2 1 s): sigma of a joint is 0.3 %
-        of its torque limit, or what 0.0033 rad/s makes by its damping, if that is less.
+        of its torque limit, or what 0.0033 rad/s makes by its damping, if that is less, but at least 1 % of the file's
+        Coulomb friction.
 
     Raises
     ------
@@ -110,7 +111,8 @@ def learning_law(model: ReducedModel, tuning: Tuning) -> GuardedLearning:
     ((6,), (2,))
     """
     gain, damping = tuning.adaptation_gain_for(model), tuning.gains.damping
-    return learning_by_rule(gain, tuning.torque_limits, damping, tuning.control_period, tuning.reference)
+    given = tuning.torque_limits, damping, tuning.control_period, tuning.reference
+    return learning_by_rule(tuning.mechanism, gain, *given)
 
 
 def with_friction(mechanism: Mechanism) -> Mechanism:

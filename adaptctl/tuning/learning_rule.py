@@ -8,8 +8,11 @@ from adaptctl.arrays import Array
 from adaptctl.control import GuardedLearning
 from adaptctl.control.controller import Reference
 from adaptctl.control.excitation.torque_uncertainty import TORQUE_ERROR_SHARE
+from adaptctl.dynamics import Mechanism
 from adaptctl.tuning.default_gains import HORIZON
 
+FRICTION_ERROR_SHARE = 0.01
+"""share of a file's Coulomb friction within which a joint's friction is known at best"""
 SPEED_NOISE = 3.3e-3
 """rad/s (m/s): times the damping it is a torque error, which matters where limits are far above the loads"""
 MIN_SPEED, MIN_SPEED_SHARE = 0.05, 0.15
@@ -21,16 +24,27 @@ MAX_LEARNED = 100
 
 
 def learning_by_rule(
-    gain: Array, torque_limits: Array, damping: Array, control_period: float, reference: Reference
+    mechanism: Mechanism,
+    gain: Array,
+    torque_limits: Array,
+    damping: Array,
+    control_period: float,
+    reference: Reference,
 ) -> GuardedLearning:
     """Learning law with the diagonal of a gain (k, k), for torque limits and damping (r,) each."""
     speeds = np.abs(reference(np.linspace(0.0, HORIZON, SPEED_SAMPLES)).v).max(axis=0)
     least = np.minimum(MIN_SPEED, MIN_SPEED_SHARE * speeds)
     recall, cutoff = (min(x, 0.5 / control_period) for x in (GuardedLearning.recall, GuardedLearning.cutoff))
-    weight = 1.0 / torque_error(torque_limits, damping) ** 2
-    return GuardedLearning(np.diag(gain), weight, cutoff=cutoff, recall=recall, min_speed=least)
+    sigma = np.maximum(torque_error(torque_limits, damping), FRICTION_ERROR_SHARE * _coulomb(mechanism))
+    return GuardedLearning(np.diag(gain), 1.0 / sigma**2, cutoff=cutoff, recall=recall, min_speed=least)
 
 
 def torque_error(limits: Array, damping: Array) -> Array:
     """Errors sigma (r,) of torques in N m (N)."""
     return np.asarray(np.minimum(TORQUE_ERROR_SHARE * limits, SPEED_NOISE * damping))
+
+
+def _coulomb(mechanism: Mechanism) -> Array:
+    """Coulomb friction (r,) of the primary joints in the file, N m (N)."""
+    given = dict(zip(mechanism.parameter_names, mechanism.inertial_parameters.tolist(), strict=True))
+    return np.array([given.get(f"{joint.name}.coulomb", 0.0) for joint in mechanism.primary_joints])

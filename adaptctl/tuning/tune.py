@@ -206,7 +206,8 @@ class Tuning:
         if named == "gradient" or (named is True and len(gain) > MAX_LEARNED):
             return gain
         if named is True or named == "learning":
-            return learning_by_rule(gain, self.torque_limits, self.gains.damping, self.control_period, self.reference)
+            given = self.torque_limits, self.gains.damping, self.control_period, self.reference
+            return learning_by_rule(self.mechanism, gain, *given)
         raise InputError(f"adaptation: expected True, False, 'learning' or 'gradient', got {named!r}")
 
     @property

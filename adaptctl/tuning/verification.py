@@ -103,7 +103,8 @@ class Trials:
 
     def _rule(self, model: ReducedModel, one: TrialSetting) -> GuardedLearning:
         gain, limits = mapped_gain(model, one.gain), np.asarray(self.plant.torque_limits)
-        return learning_by_rule(gain, limits, one.damping, self.plant.control_period, self.reference)
+        given = limits, one.damping, self.plant.control_period, self.reference
+        return learning_by_rule(self.plant.mechanism, gain, *given)
 
     def _simulated(self, laws: list[Delayed], settings: list[TrialSetting], duration: float) -> Rollouts:
         parameters = np.array([one.parameters for one in settings])

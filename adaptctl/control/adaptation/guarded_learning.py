@@ -38,6 +38,9 @@ from adaptctl.errors import InputError, validate_kind
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, Scalar, Tunable, absolute, column, each, maximum, where
 
+GRADIENT_SHARE = 0.4
+"""share of P with which tracking errors act: with all of it differences of coarse encoders make light arms diverge,
+with less the first seconds are worse"""
 SETTLING = 2.0
 """time constants of the filters for which a joint has to move before its equation counts"""
 TRANSIENT = 0.5
@@ -87,7 +90,7 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
     -----
     .. math::
 
-        \dot{\hat\beta}=-P\bigl(Y^\top s+\rho(Q\hat\beta-z)\bigr),\quad P^{-1}=\Gamma^{-1}+Q,
+        \dot{\hat\beta}=-P\bigl(\tfrac25 Y^\top s+\rho(Q\hat\beta-z)\bigr),\quad P^{-1}=\Gamma^{-1}+Q,
 
     where Q and z hold :math:`W^\top RW` and :math:`W^\top RF[\tau]` of the past [1]_, after a quarantine of
     0.3 s. Torques that the estimate does not explain raise a doubt: nothing is stored, a trial estimate follows the
@@ -192,9 +195,9 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         return GuardedMemory.empty(model, initial, (q, v), self.cutoff, control_period, self.external_torque)
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar:
-        """Squared parameter error over twice the initial gain, J; over P, as in the proof, it is more."""
+        """Squared parameter error over twice what acts of the initial gain, J; over P, as in the proof, it is more."""
         error = estimate - true
-        return 0.5 * (error @ Column(e / g for e, g in zip(error, column(self.gain), strict=True)))
+        return (0.5 / GRADIENT_SHARE) * (error @ Column(e / g for e, g in zip(error, column(self.gain), strict=True)))
 
     def law(
         self, model: ReducedModel, estimate: Column, period: Period, memory: GuardedMemory
@@ -221,7 +224,7 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         watch = memory.watch
         prediction = two_stage_filter.predicted(model, period, memory.filtered, self.cutoff)
         sample = self._sample(prediction, period, watch)
-        slope = self._scale * period.gradient(period.integral)
+        slope = (GRADIENT_SHARE * self._scale) * period.gradient(period.integral)
         x = Column(value / scale for value, scale in zip(estimate, self._scale, strict=True))
         observer = self.external_torque
         fast = None if observer is None else external_torque.predicted(observer, model, period, memory.touch)
