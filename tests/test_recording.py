@@ -29,7 +29,7 @@ from adaptctl.recording import Comparison, write_artifacts
 from adaptctl.recording import shown as result_of
 from adaptctl.recording.judgement import facts, final_error, outcome_words
 from adaptctl.recording.report import report
-from adaptctl.recording.rerun_recording import estimated_links, legend_room
+from adaptctl.recording.rerun_recording import estimated_links, legend_room, summary_markdown
 from adaptctl.recording.result import answers
 from adaptctl.recording.scene import log_base
 from adaptctl.recording.skeleton import VIEW_SLOPE, Solid, Viewpoint, skeleton
@@ -268,6 +268,15 @@ def test_units_and_kinds_of_parameters_are_not_mixed() -> None:
     assert answers(facts(what))["Parameters"] == (
         f"{what.space.rank} base parameters of {inertial} inertial parameters, plus {friction} of friction"
     )
+
+
+def test_of_a_controller_that_estimates_nothing_no_parameters_are_told_to_be_open() -> None:
+    learning = comparison(load(str(urdf("panda.urdf"))), samples=400)
+    fixed = replace(learning, runs=learning.runs[1:], without_adaptation="")
+    assert "Hardly excited" in answers(facts(learning))
+    assert "This motion hardly shows" in summary_markdown(learning)
+    assert "Hardly excited" not in answers(facts(fixed))
+    assert "This motion" not in summary_markdown(fixed)
 
 
 def test_estimates_of_friction_are_shown_with_the_others(tmp_path: Path) -> None:

@@ -291,7 +291,8 @@ def summary_markdown(comparison: Comparison) -> str:
         rows.append([run.label, run.prior_knowledge or "–", *errors, outcome(run)])
     runs = Table(["controller", "knows", *heads, "outcome"], rows)
     head = Report(comparison.experiment, comparison.title, outcome_words(comparison), complete=comparison.complete)
-    return head.markdown(answers_table(tuple(facts(comparison))), runs, on_truth(comparison))
+    estimates = [on_truth(comparison)] if comparison.subject.rollout.estimate.shape[1] else []
+    return head.markdown(answers_table(tuple(facts(comparison))), runs, *estimates)
 
 
 def finite_part(comparison: Comparison) -> Comparison:
