@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
-from adaptctl.arrays import Array, stacked_rows
+from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.recursion.energy import momentum_terms
 from adaptctl.errors import InputError
@@ -29,8 +30,8 @@ OVERSAMPLING = 10.0
 ROWS_PER_PERIOD = 4.0
 # Rows that a log has at least, if it has as many samples.
 MIN_ROWS = 400
-# Samples evaluated at a time.
-CHUNK_SAMPLES = 1500
+# Samples evaluated at a time: enough that sums outweigh their calls.
+CHUNK_SAMPLES = 6000
 
 
 COLUMNS = ("time", "regressor", "torque", "change", "velocity", "log", "moving")
@@ -136,16 +137,10 @@ class SmoothMotion:
             raise InputError(f"{self.log.source}: {len(self.log.time)} consecutive samples are too few to filter")
         narrowest = min(f.taps for f in filters)
         for start in range(0, max(1, len(self.position) - narrowest + 1), CHUNK_SAMPLES):
-            terms = self._terms(mechanism, slice(start, start + CHUNK_SAMPLES + widest - 1))
+            terms = _Terms.of(self, mechanism, slice(start, start + CHUNK_SAMPLES + widest - 1))
             for row_filter, parts in zip(filters, found, strict=True):
-                parts.append(row_filter.regressor(*terms, start, min(CHUNK_SAMPLES, len(self.position) - start)))
+                parts.append(row_filter.regressor(terms, start, min(CHUNK_SAMPLES, len(self.position) - start)))
         return [f.rows(self, _emptied(parts)) for f, parts in zip(filters, found, strict=True)]
-
-    def _terms(self, mechanism: Mechanism, where: slice) -> tuple[Array, Array]:
-        p, v = self.position[where], self.velocity[where]
-        columns = range(len(mechanism.parameter_names))
-        terms = momentum_terms(mechanism.equations, column(mechanism.configuration(p)), column(v), columns)
-        return stacked_rows(terms.momentum, (len(p),)), stacked_rows(terms.forces, (len(p),))
 
 
 def _emptied(parts: list[Array]) -> Array:
@@ -153,6 +148,46 @@ def _emptied(parts: list[Array]) -> Array:
     whole = np.concatenate(parts)
     parts.clear()
     return whole
+
+
+@dataclass(frozen=True, eq=False)
+class _Terms:
+    """Regressors (n, K) of momenta and forces, of the K of all r times P entries that are not 0 by structure."""
+
+    momentum: Array
+    forces: Array
+    entries: NDArray[np.intp]
+    shape: tuple[int, int]
+
+    @classmethod
+    def of(cls, motion: SmoothMotion, mechanism: Mechanism, where: slice) -> _Terms:
+        """Terms of some samples of a motion."""
+        q, v = column(mechanism.configuration(motion.position[where])), column(motion.velocity[where])
+        columns = range(len(mechanism.parameter_names))
+        terms = momentum_terms(mechanism.equations, q, v, columns)
+        both = [[entry for row in rows for entry in row] for rows in terms]
+        entries = [k for k, own in enumerate(zip(*both, strict=True)) if any(map(_may_differ, own))]
+        momentum, forces = (_side_by_side([own[k] for k in entries], len(motion.position[where])) for own in both)
+        return cls(momentum, forces, np.array(entries, dtype=np.intp), (len(terms.momentum), len(columns)))
+
+    def whole(self, packed: Array) -> Array:
+        """Regressor (n, r, P) of the entries (n, K)."""
+        regressor = np.zeros((len(packed), self.shape[0] * self.shape[1]))
+        regressor[:, self.entries] = packed
+        return regressor.reshape(-1, *self.shape)
+
+
+def _may_differ(entry: object) -> bool:
+    """False for the number 0 of an entry that is 0 by structure."""
+    return np.ndim(entry) > 0 or bool(entry)
+
+
+def _side_by_side(entries: Sequence[Any], samples: int) -> Array:
+    """Array (n, K) of entries for n samples, each of which is contiguous."""
+    out = np.empty((len(entries), samples))
+    for i, entry in enumerate(entries):
+        out[i] = entry
+    return out.T
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,14 +211,14 @@ class RowFilter:
         every = min(int(motion.rate / (ROWS_PER_PERIOD * cutoff)), (motion.whole or len(motion.position)) // MIN_ROWS)
         return cls(cutoff, padded(kernel), derivative(kernel, motion.rate), max(1, every))
 
-    def regressor(self, momentum: Array, forces: Array, start: int, length: int) -> Array:
+    def regressor(self, terms: _Terms, start: int, length: int) -> Array:
         """Regressor (n, r, P) of rows from momenta and forces of a chunk of samples."""
         skipped = -start % self.every
         end = length + self.taps - 1
-        h, f = momentum[skipped:end], forces[skipped:end]
+        h, f = terms.momentum[skipped:end], terms.forces[skipped:end]
         if len(h) < self.taps:
-            return np.empty((0, *h.shape[1:]))
-        return filtered(h, self.change, self.every) - filtered(f, self.kernel, self.every)
+            return np.empty((0, *terms.shape))
+        return terms.whole(filtered(h, self.change, self.every) - filtered(f, self.kernel, self.every))
 
     def signal(self, values: Array) -> Array:
         """Signal (m, ...) through the filter, at all rows."""

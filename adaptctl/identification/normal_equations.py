@@ -65,9 +65,13 @@ class NormalEquations:
 
 def _sums(Y: Array, torque: Array, used: NDArray[np.bool_]) -> tuple[Array, Array, Array, Array]:
     torque = np.where(used, torque, 0.0)
-    joints = (Y * used[..., None]).transpose(1, 0, 2)
-    moment = (joints.mT @ torque.T[..., None])[..., 0]
-    return joints.mT @ joints, moment, np.square(torque).sum(axis=0), used.sum(axis=0).astype(np.float64)
+    normal, moment = np.zeros((Y.shape[1], Y.shape[2], Y.shape[2])), np.zeros(Y.shape[1:])
+    for j in range(Y.shape[1]):
+        rows, kept = np.flatnonzero(used[:, j]), np.flatnonzero(Y[:, j].any(axis=0))  # 0: of other links and drives
+        own = Y[rows[:, None], j, kept]
+        normal[j][np.ix_(kept, kept)] = own.T @ own
+        moment[j, kept] = own.T @ torque[rows, j]
+    return normal, moment, np.square(torque).sum(axis=0), used.sum(axis=0).astype(np.float64)
 
 
 def block_edges(log: NDArray[np.int64], time: Array, count: int) -> list[tuple[int, float]]:
