@@ -80,7 +80,7 @@ def test_a_column_is_of_one_joint() -> None:
 
 
 def test_names_of_columns_that_are_no_text_are_refused(tmp_path: Path) -> None:
-    (tmp_path / "log.csv").write_bytes(b"time,position.\xe9\n1,2\n")
+    (tmp_path / "log.csv").write_bytes(b"time,position.\xe9\x01\n1,2\n")
     with pytest.raises(FileError, match=r"log\.csv: not a text table \('utf-8' codec can't decode byte 0xe9"):
         read_log(tmp_path / "log.csv")
 

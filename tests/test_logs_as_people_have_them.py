@@ -62,6 +62,16 @@ FORMS: dict[str, tuple[str, dict[str, Any], str]] = {
         {},
         "read as units",
     ),
+    "files one after the other, each with its head": (
+        lines([*ROWS[:200], ["arm 3"], ["time", *HEAD], *ROWS[200:]], "arm 3", ["time", *HEAD]),
+        {},
+        "2 lines that repeat those above the numbers were left out",
+    ),
+    "such files with blanks and decimal commas": (
+        lines([*ROWS[:200], ["time", *"abcdef"], *ROWS[200:]], ["time", *"abcdef"], mark=" ").replace(".", ","),
+        {"columns": BY_NUMBER},
+        "1 lines that repeat those above the numbers were left out",
+    ),
     "last line cut off": (lines([*ROWS, ROWS[0][:2]], ["time", *HEAD]), {}, "last line, which is cut off"),
     "a row twice": (lines([*ROWS[:9], *ROWS[8:]], ["time", *HEAD]), {}, "1 rows that repeat the one before"),
     "empty rows of another topic": (
@@ -125,6 +135,16 @@ def test_a_text_log_gives_the_numbers_of_the_clean_one(name: str, tmp_path: Path
     assert [note in one for one in found.notes] == ([True] if note else [])
 
 
+def test_latin_1_is_read_and_its_units(tmp_path: Path) -> None:
+    head = ["Zeit", "Größe 1", "Größe 2", *"abcd"]
+    text = lines(ROWS, head, ["s", *["°"] * 2, *["°/s"] * 2, "Nm", "Nm"], mark=";").replace(".", ",")
+    (tmp_path / "log.csv").write_bytes(text.encode("latin-1"))
+    found = read_log(tmp_path / "log.csv")
+    assert list(found.columns)[:3] == head[:3]
+    assert list(found.units.values()) == ["s", *["deg"] * 2, *["deg/s"] * 2, *["N m"] * 2]
+    np.testing.assert_allclose(found.columns["Größe 2"], Q[:, 1], atol=1e-8)
+
+
 def test_utf_16_is_read(tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_text(lines(ROWS, ["time", *HEAD]), encoding="utf-16")
     np.testing.assert_allclose(joint_log_of(tmp_path / "log.csv").position, Q, atol=1e-8)
@@ -186,6 +206,10 @@ def test_topics_in_rows_of_their_own_are_joined_by_straight_lines(tmp_path: Path
         (lines([row[:4] for row in CELLS]), {}, "if they are positions, torques: --columns position=1-2 torque=3-4 "),
         (lines(ROWS), {"columns": BY_NUMBER | {"torque": "6-8"}}, "columns: 6-8: expected numbers from 1 to 7"),
         (lines(ROWS), {"columns": BY_NUMBER | {"torque": "5-7"}}, "torque: 5-7 has 3 columns, but the robot 2 joints"),
+        (
+            lines(stamps(lambda ns: [f"01.09.2026 12:00:{ns / 1e9:06.3f}"]), ["time", *HEAD]), {},
+            r"its first text is '01\.09\.2026 12:00:00\.000'; write s, or dates as 2026-09-01 12:00:00\.005$",
+        ),
         (lines([*ROWS[:9], ["7"], *ROWS[9:]], ["time", *HEAD]), {}, r"line 11 has 1 cells, not 7: '7'"),
         (
             lines([*ROWS[:9], ["0.5", '"7', *ROWS[9][2:]], *ROWS[10:]], ["time", *HEAD]),

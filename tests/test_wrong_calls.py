@@ -76,7 +76,17 @@ def test_columns_and_units_are_mappings(given: Any, arm: Mechanism, tmp_path: Pa
             adaptctl.identify(log, arm, **{name: given})
 
 
-@pytest.mark.parametrize(("column", "pair"), [("Time", "time=Time"), ("t [ms]", "'time=t [ms]'"), ("a", "time=NAME")])
+@pytest.mark.parametrize(
+    ("column", "pair"),
+    [
+        ("Time", "time=Time"),
+        ("t [ms]", "'time=t [ms]'"),
+        ("a", "time=NAME"),
+        ("Time(ms)", "'time=Time(ms)'"),
+        ("header.stamp.sec", "time=header.stamp.sec"),
+        ("%time", "time=%time"),
+    ],
+)
 def test_a_time_of_another_name_is_offered(column: str, pair: str, arm: Mechanism, tmp_path: Path) -> None:
     log = tmp_path / "log.csv"
     log.write_text(f"tau,{column},q1,q2,u1,u2\n0,0,0,0,0,0\n1,1,1,1,1,1\n")
@@ -93,6 +103,16 @@ def test_a_time_of_another_name_is_offered(column: str, pair: str, arm: Mechanis
         ("t,q0,q1,tau0,tau1", "position=q{0} torque=tau{0}"),
         ("t,power1,power2,pos_shoulder,pos_elbow,i1,i2", "position=pos_{joint} torque=Torque{}"),
         ("t,q1,Torque10,Torque20", "position=Position{} torque=Torque{}0"),
+        (
+            "__time,/arm/j1/position,/arm/j2/position,/arm/j1/effort,/arm/j2/effort",
+            "position=/arm/j{}/position torque=/arm/j{}/effort",
+        ),
+        (
+            "t,target_q_0,target_q_1,actual_q_0,actual_q_1,actual_current_0,actual_current_1",
+            "position=actual_q_{0} torque=actual_current_{0}",
+        ),
+        ("Time(ms),JntPos1,JntPos2,JntTrq1,JntTrq2", "position=JntPos{} torque=JntTrq{}"),
+        ("%TIME,AXIS_ACT_A1,AXIS_ACT_A2,AXIS_TOR_A1,AXIS_TOR_A2", "position=AXIS_ACT_A{} torque=AXIS_TOR_A{}"),
     ],
 )
 def test_columns_that_a_log_has_are_offered(columns: str, pairs: str, arm: Mechanism, tmp_path: Path) -> None:

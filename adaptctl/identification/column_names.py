@@ -4,16 +4,23 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from itertools import pairwise
+from itertools import pairwise, product
 from shlex import quote
 
 from adaptctl.errors import InputError
 from adaptctl.logs.table import LogTable
 
 RANGE = re.compile(r"(\d+)(?:-(\d+))?$")
-WORDS = {"position": "p|q|pos|position|theta|angle", "torque": "torque|tau|trq|effort|moment|m|current|cur"}
-"""beginnings of names that columns of each kind have"""
-TIME_NAME = re.compile(r"(time|t|stamp|timestamp|sec|seconds)\b", re.IGNORECASE)
+WORDS = {
+    "position": ("position", "pos", "q", "p", "theta", "angle", "act"),
+    "torque": ("torque", "trq", "tor", "tau", "effort", "moment", "m", "current", "cur"),
+    "time": ("time", "timestamp", "stamp", "t", "seconds", "secs", "sec"),
+}
+"""words in names of columns of each kind, the likeliest first"""
+WANTED = ("target", "desired", "reference", "ref", "command", "commanded", "cmd")
+"""words in names of what was asked for, not measured"""
+WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
+UNIT = re.compile(r"[\[(][^\d\])]*[\])]")
 
 
 def joint_names(pattern: str, joints: list[str], log: LogTable, what: str = "columns") -> list[str]:
@@ -54,10 +61,9 @@ def _listed(part: str, log: LogTable) -> Iterator[str]:
 
 def likely_pair(what: str, joints: list[str], log: LogTable) -> str:
     """Word of --columns for positions or torques, by a pattern that the log has columns of, else by an invented one."""
-    begin = re.compile(rf"((motor|joint|actual|measured)[ _.]?)?({WORDS[what]})(?![a-z])", re.IGNORECASE)
     found = (
         pattern
-        for name in filter(begin.match, log.columns)
+        for name in _likely(what, log)
         for text, mark in (("1", "{}"), ("0", "{0}"), (joints[0], "{joint}"))
         if text in name and (pattern := mark.join(name.rsplit(text, 1)))
         if all(other in log.columns for other in joint_names(pattern, joints, log))
@@ -67,12 +73,19 @@ def likely_pair(what: str, joints: list[str], log: LogTable) -> str:
 
 def likely_time(log: LogTable) -> str:
     """Word of --columns for the time, by a column that may have it."""
-    return as_word(f"time={next(filter(TIME_NAME.match, log.columns), 'NAME')}")
+    return as_word(f"time={next(_likely('time', log), 'NAME')}")
+
+
+def _likely(what: str, log: LogTable) -> Iterator[str]:
+    """Names of columns with a word for a quantity, the likeliest first and those of wanted values last."""
+    words = {name: [word.lower() for word in WORD.findall(UNIT.sub("", name))] for name in log.columns}
+    for wanted, kind in product((False, True), WORDS[what]):
+        yield from (name for name, own in words.items() if kind in own and wanted == any(w in WANTED for w in own))
 
 
 def as_word(pair: str) -> str:
     """Pair as a shell takes it."""
-    return quote(pair) if " " in pair else pair
+    return quote(pair) if re.search(r"[\s()&;|<>*?$`'\"!#]", pair) else pair
 
 
 def offer(log: LogTable, joints: int) -> str:

@@ -177,7 +177,7 @@ class _Terms:
         return regressor.reshape(-1, *self.shape)
 
 
-def _may_differ(entry: object) -> bool:
+def _may_differ(entry: Any) -> bool:
     """False for the number 0 of an entry that is 0 by structure."""
     return np.ndim(entry) > 0 or bool(entry)
 

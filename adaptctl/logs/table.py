@@ -21,6 +21,7 @@ MAX_BYTES = 4 * 2**30
 # Names of columns that only count within another one's second, after the name of that one.
 FRACTIONS = re.compile(r"^(.*?)(nanosecs?|nanoseconds|nsecs?)$", re.IGNORECASE)
 SECONDS = ("sec", "secs", "seconds", "second", "s")
+WHOLE = "use a part of the log without missing numbers"
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,9 +53,10 @@ class LogTable:
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
             told = f"; its first text is {printable(repr(self.words[name]))}" if name in self.words else ""
+            right = "write s, or dates as 2026-09-01 12:00:00.005" if told and what == "time" else WHOLE
             raise FileError(
                 f"{self.source}: column {name!r} ({what}): {bad.size} of {len(values)} rows not finite, the first "
-                f"is row {int(bad[0]) + 1} ({values[bad[0]]}){told}; use a part of the log without missing numbers"
+                f"is row {int(bad[0]) + 1} ({values[bad[0]]}){told}; {right}"
             )
         size = float(np.abs(values).max(initial=0.0))
         if size != 0.0 and not 1.0 / MAX_SETTING <= size <= MAX_SETTING:

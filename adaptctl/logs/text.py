@@ -20,19 +20,20 @@ from adaptctl.logs.units import is_unit, spaced
 HEAD = 1_000_000
 """bytes by which the form of a file is known"""
 MAX_SPACED = 2**30
-"""bytes of a file with blanks between its numbers, which is rewritten in memory"""
+"""bytes of a file with blanks between its numbers, or with repeated names, which is rewritten in memory"""
 MARKS = (",", ";", "\t", "|", " ")
 """marks between cells; a blank stands for any number of blanks"""
 NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?$|[+-]?(?:nan|inf|infinity)$", re.IGNORECASE)
 DATE = re.compile(r"\d{4}-\d\d-\d\d([ T]\d\d:\d\d(:\d\d([.,]\d+)?)?)?(Z|[+-]\d\d:?\d\d)?$")
 CLOCK = re.compile(r"\d\d:\d\d:\d\d([.,]\d+)?$")
 COMMENT = re.compile(r"\s*(#|//|%(?=\s))")
+CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f]")
 EMPTY = ("", "NA", "N/A", "null", "None")
 
 
 @dataclass(frozen=True)
 class _Form:
-    """Form of a text table: mark between cells, decimal mark, lines before the first numbers, names and units."""
+    """Form of a text table: mark between cells, decimal mark, names and units, and the lines before the numbers."""
 
     mark: str
     decimal: str
@@ -41,15 +42,15 @@ class _Form:
     units: dict[str, str]
     count: int
     notes: tuple[str, ...] = ()
+    heads: tuple[str, ...] = ()
 
 
 def read_delimited(path: str | Path) -> LogTable:
     """Table of a text file: names, perhaps, then rows of numbers, separated by commas, semicolons, tabs or blanks."""
     try:
         with Path(path).open("rb") as file:
-            encoding = "utf-16" if file.read(2) in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
-            file.seek(0)
             sample = file.read(HEAD)
+        encoding = _encoding(sample)
         form = _form(_lines(sample, encoding), path)
         read, notes = _read(path, form, encoding)
     except UnicodeDecodeError as error:
@@ -65,6 +66,17 @@ def read_delimited(path: str | Path) -> LogTable:
     words = {one.name: one.word for one in found if one.word is not None}
     log = table(str(path), ((one.name, one.values) for one in found), units, empty, words, begin)
     return whole_stamps(replace(log, numbered=form.names is None, notes=(*form.notes, *notes)))
+
+
+def _encoding(sample: bytes) -> str:
+    """Encoding of a file by its beginning: Latin-1 if it is text, but no UTF-8."""
+    if sample[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return "utf-16"
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(sample)
+    except UnicodeDecodeError:
+        return "utf-8-sig" if CONTROL.search(sample) else "latin-1"
+    return "utf-8-sig"
 
 
 def _lines(sample: bytes, encoding: str) -> list[str]:
@@ -124,7 +136,8 @@ def _form(lines: list[str], path: str | Path) -> _Form:
     names = None if names is None else [name or f"({i + 1})" for i, name in enumerate(names)]
     own = {} if names is None or units is None else {n: u for n, u in zip(names, units, strict=False) if u}
     notes = () if units is None else ("the line after the names was read as units",)
-    return _Form(mark, "," if commas else ".", first, names, own, width, notes)
+    lead = tuple(line.strip() for line in before if line.strip())
+    return _Form(mark, "," if commas else ".", first, names, own, width, notes, lead)
 
 
 def _has_points(lines: list[str], mark: str) -> bool:
@@ -154,6 +167,26 @@ def _unit(cell: str) -> str:
 
 
 def _read(path: str | Path, form: _Form, encoding: str) -> tuple[Any, list[str]]:
+    """Columns of a file, and notes on lines left out."""
+    read, odd = _parsed(path, form, encoding, _source(path, form, encoding))
+    notes: list[str] = []
+    if form.names is not None and any(_is_in(n, read.column(i)) for i, n in enumerate(form.names[: read.num_columns])):
+        source, count = _rewritten(path, form, encoding)
+        read, odd = _parsed(path, form, encoding, source)
+        notes = [f"{count} lines that repeat those above the numbers were left out"]
+    return read, [*notes, *_passed_over(path, form, encoding, odd)]
+
+
+def _is_in(name: str, column: Any) -> bool:
+    """True if a cell of a column is its name."""
+    import pyarrow as pa
+    from pyarrow import compute
+
+    return bool(pa.types.is_string(column.type) and compute.index(column, name).as_py() >= 0)
+
+
+def _parsed(path: str | Path, form: _Form, encoding: str, source: Any) -> tuple[Any, list[tuple[int, str]]]:
+    """Columns of a file, and lines of another length with their numbers of cells."""
     from pyarrow import ArrowInvalid
     from pyarrow.csv import ConvertOptions, ParseOptions, ReadOptions, read_csv
 
@@ -165,12 +198,12 @@ def _read(path: str | Path, form: _Form, encoding: str) -> tuple[Any, list[str]]
 
     try:
         read = read_csv(
-            _source(path, form, encoding),
+            source,
             read_options=ReadOptions(
                 skip_rows=form.skipped,
                 column_names=form.names,
                 autogenerate_column_names=form.names is None,
-                encoding="utf-16" if encoding == "utf-16" else "utf8",
+                encoding="utf8" if encoding == "utf-8-sig" else encoding,
             ),
             parse_options=ParseOptions(
                 delimiter="\t" if form.mark == " " else form.mark, invalid_row_handler=is_passed_over
@@ -185,27 +218,32 @@ def _read(path: str | Path, form: _Form, encoding: str) -> tuple[Any, list[str]]
                 f"{path}: no rows of numbers; expected a line of column names and one line per sample"
             ) from error
         raise FileError(f"{path}: not a text table ({printable(str(error).splitlines()[0])})") from error
-    return read, _passed_over(path, form, encoding, odd)
+    return read, odd
 
 
 def _source(path: str | Path, form: _Form, encoding: str) -> Any:
     """File, or its content: without half a character at the end, and with one tab for the blanks between numbers."""
     import pyarrow as pa
 
-    size = Path(path).stat().st_size
     if form.mark == " ":
-        return _rewritten(path, size, encoding)
+        return _rewritten(path, replace(form, heads=()), encoding)[0]
+    size = Path(path).stat().st_size
     if encoding == "utf-16" and size % 2:
         return pa.BufferReader(pa.memory_map(str(path)).read_buffer(size - 1))
     return path
 
 
-def _rewritten(path: str | Path, size: int, encoding: str) -> BytesIO:
-    if size > MAX_SPACED:
-        raise FileError(f"{path}: more than {MAX_SPACED} bytes with blanks between numbers; use commas, or split it")
+def _rewritten(path: str | Path, form: _Form, encoding: str) -> tuple[BytesIO, int]:
+    """File with one tab for the blanks between numbers, and without lines that repeat its heads; their count."""
+    if Path(path).stat().st_size > MAX_SPACED:
+        raise FileError(f"{path}: more than {MAX_SPACED} bytes, which have to be rewritten; use commas, or split it")
     text = codecs.getincrementaldecoder(encoding)().decode(Path(path).read_bytes())
-    rows = re.sub(r"[ \t]+", "\t", re.sub(r"^[ \t]+|[ \t]+$", "", text, flags=re.MULTILINE))
-    return BytesIO(rows.encode("utf-16" if encoding == "utf-16" else "utf-8"))
+    lines = re.split("\r\n|\r|\n", text)
+    kept = [line for i, line in enumerate(lines) if i < form.skipped or line.strip() not in form.heads]
+    text = "\n".join(kept)
+    if form.mark == " ":
+        text = re.sub(r"[ \t]+", "\t", re.sub(r"^[ \t]+|[ \t]+$", "", text, flags=re.MULTILINE))
+    return BytesIO(text.encode(encoding)), len(lines) - len(kept)
 
 
 def _passed_over(path: str | Path, form: _Form, encoding: str, odd: list[tuple[int, str]]) -> list[str]:

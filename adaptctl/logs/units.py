@@ -11,7 +11,15 @@ VELOCITY = {"rad/s": 1.0, "deg/s": math.pi / 180.0, "rpm": math.pi / 30.0, "m/s"
 TORQUE = {"N m": 1.0, "mN m": 1e-3, "N": 1.0}
 # Units of quantities that are only proportional to a torque.
 OTHER_TORQUE = ("A", "mA", "%", "1")
-SPELLINGS = {"°": "deg", "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad", "sec": "s"}
+SPELLINGS = {
+    "°": "deg",
+    "°/s": "deg/s",
+    "degree": "deg",
+    "degrees": "deg",
+    "radian": "rad",
+    "radians": "rad",
+    "sec": "s",
+}
 
 
 def spaced(symbol: str) -> str:
