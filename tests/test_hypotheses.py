@@ -15,11 +15,12 @@ from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError
 from adaptctl.identification.columns import JointLog
-from adaptctl.identification.contradictions import contradictions
+from adaptctl.identification.contradictions import contradictions, excess_misfit
 from adaptctl.identification.delay import delay_of
 from adaptctl.identification.fit import FitSettings, LogEvidence
 from adaptctl.identification.friction_model import SIMPLE_FRICTION
 from adaptctl.identification.gathering import gathered
+from adaptctl.identification.held_out import HeldOut
 from adaptctl.identification.hypotheses import AS_IS, LogMeaning, compared_hypotheses, validate_meaning
 from adaptctl.identification.hypothesis_rows import HypothesisRows
 
@@ -215,3 +216,28 @@ def test_neither_gears_nor_counterbalances_are_asked_of_placeholders(case: Known
     told = ["; ".join(contradictions(one, one.fit(settings, range(one.blocks)))) for one in evidence]
     assert asked == [True, False]
     assert ["check for a counterbalance" in words for words in told] == [True, False]
+
+
+def test_a_small_mean_of_a_torque_that_swings_is_no_counterbalance(case: Known) -> None:
+    """The mean torque of a swing is a matter of chance; a torque that hardly swings about it has less than the file."""
+    torque = case.guess.inverse_dynamics(*moved(case))
+    swing = torque - torque.mean(axis=0)
+    assert np.abs(torque.mean(axis=0)).max() > 0.1 * swing.std(axis=0).max()
+    otherwise = [evidence_of(case.guess, case, values) for values in (swing, 0.01 * swing)]
+    assert [bool(one.weighing_otherwise(one.band)) for one in otherwise] == [False, True]
+
+
+def test_a_misfit_above_least_squares_is_a_warning_where_these_predict_better(case: Known) -> None:
+    """Links of negative moments, which no body has; and bodies, of whose noise least squares take more."""
+    negative = case.truth.inertial_parameters.copy()
+    negative[4:30:10] -= 5.0 * np.abs(negative[4:30]).max()
+    found = []
+    for links, noise in ((negative, 0.0), (case.truth.inertial_parameters, 3.0)):
+        torque = case.truth.with_parameters(links).inverse_dynamics(*moved(case))
+        whole = evidence_of(case.guess, case, torque + noise * np.random.default_rng(3).normal(size=torque.shape))
+        short, rest = whole.part(range(2)), whole.part(range(2, whole.blocks))
+        fit = short.fit(FitSettings(SIMPLE_FRICTION, 0.1, whole.band), range(short.blocks))
+        found.append(excess_misfit(short, fit, HeldOut(rest, "the rest", whole.band, whole.band)))
+    assert "no body can have; of the rows held out the estimate leaves" in str(found[0].warning)
+    assert found[1].warning is None
+    assert "above that of least squares" in found[1].step.outcome

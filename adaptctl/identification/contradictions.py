@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from adaptctl.description.drive import DriveParameter
 from adaptctl.identification.choice import MAX_MISFIT_RATIO, WEIGHT_CANDIDATES, misfit_ratio
 from adaptctl.identification.fit import Fit, LogEvidence
+from adaptctl.identification.held_out import HeldOut
 from adaptctl.identification.least_squares import least_squares
+from adaptctl.identification.preparation import PreparationStep
 
 
 def contradictions(evidence: LogEvidence, fit: Fit, other_side: bool = False) -> Iterator[str]:
     """
-    Sentences on joints at which the file's links weigh something else, on joints left out, and on forced links.
+    Sentences on joints at which the file's links weigh something else, and on joints left out.
 
     Placeholders weigh nothing of the robot's; torques of gears' other side are told already.
     """
@@ -31,23 +34,41 @@ def contradictions(evidence: LogEvidence, fit: Fit, other_side: bool = False) ->
             )
         elif j in otherwise and not told:
             yield f"{weighs}; check for a counterbalance, and its torque's sign and unit{_offset(evidence, fit, j)}"
-    yield from _misfit(evidence, fit)
 
 
-def _misfit(evidence: LogEvidence, fit: Fit) -> Iterator[str]:
-    """Sentence on a misfit above that of least squares: by the weight of the prior, or by what bodies can be."""
+class Excess(NamedTuple):
+    """Line on a misfit above that of least squares, and a warning if these also predict rows held out better."""
+
+    step: PreparationStep
+    warning: str | None = None
+
+
+def excess_misfit(evidence: LogEvidence, fit: Fit, held_out: HeldOut) -> Excess:
+    """
+    Misfit above that of least squares, by the weight of the prior or by what bodies can be.
+
+    Least squares follow noise, too: that they fit the training rows better says nothing unless they predict better.
+    """
     ratio, names = misfit_ratio(evidence, fit), ", ".join(forced(evidence, fit))
+    name = "error over that of least squares"
     if ratio <= MAX_MISFIT_RATIO:
-        return
-    light = replace(fit.settings, weight=WEIGHT_CANDIDATES[0])
+        return Excess(PreparationStep(name, f"{ratio - 1.0:.1%} on the training rows"))
+    every = range(evidence.blocks)
+    free = evidence.ordinary(fit.settings, every)
+    own, least = (held_out.of(x).relative_error for x in (fit.x, free))
     above = f"the error on the training rows is {ratio - 1.0:.1%} above that of least squares"
-    if misfit_ratio(evidence, evidence.fit(light, range(evidence.blocks))) > MAX_MISFIT_RATIO:
-        yield f"{above}, forced by {names}: what least squares asks of it no body can have"
+    if (
+        misfit_ratio(evidence, evidence.fit(replace(fit.settings, weight=WEIGHT_CANDIDATES[0]), every))
+        > MAX_MISFIT_RATIO
+    ):
+        why = f"forced by {names}: what least squares ask of it no body can have"
     else:
-        yield (
-            f"{above}, by the weight {fit.settings.weight:g} of the prior and most at {names}; with less weight the "
-            "estimate follows these rows more closely"
+        why = (
+            f"by the weight {fit.settings.weight:g} of the prior and most at {names}; with less weight the estimate "
+            "follows these rows more closely"
         )
+    told = f"{above}, {why}; of the rows held out the estimate leaves {own:.2%}, and least squares {least:.2%}"
+    return Excess(PreparationStep(name, told), told if own > MAX_MISFIT_RATIO * least else None)
 
 
 def _offset(evidence: LogEvidence, fit: Fit, j: int) -> str:

@@ -23,8 +23,8 @@ from adaptctl.identification.normal_equations import NormalEquations, blocks_of
 
 # Rough size of a rotor's inertia over the links' mean moment.
 ROTOR_INERTIA_SHARE = 0.1
-# Mean torque of the file's links over the log's from which on a joint is named, and the share of the file's largest
-# mean below which it is not.
+# Mean torque of the file's links over the log's from which on a joint is named, if it is above all of the log's too, as
+# means of swings are by chance; and the share of the file's largest mean below which it is not.
 MIN_MEAN_RATIO, MIN_MEAN_SHARE = 8.0, 0.25
 
 
@@ -115,7 +115,8 @@ class LogEvidence:
     def weighing_otherwise(self, cutoff: float) -> tuple[int, ...]:
         """Joints whose links in the file take many times the mean torque that was measured."""
         told, measured = np.abs(self.file_torques(cutoff))
-        most = np.maximum(MIN_MEAN_SHARE * told.max(), MIN_MEAN_RATIO * measured)
+        whole = np.sqrt(np.mean(self.rows[cutoff].moved.torque ** 2, axis=0))
+        most = np.max([np.full(len(told), MIN_MEAN_SHARE * told.max()), MIN_MEAN_RATIO * measured, whole], axis=0)
         return tuple(np.flatnonzero(told > most).tolist())
 
     def used(self, cutoff: float, slow: float) -> NDArray[np.bool_]:

@@ -17,7 +17,7 @@ from adaptctl.identifiability import ReducedModel
 from adaptctl.identifiability.factorisation import one_thread
 from adaptctl.identification.choice import Choice, choose, judged_at, misfit_ratio
 from adaptctl.identification.columns import JointLog, joint_columns, joint_log
-from adaptctl.identification.contradictions import contradictions
+from adaptctl.identification.contradictions import contradictions, excess_misfit
 from adaptctl.identification.delay import delay_of, without_delay
 from adaptctl.identification.drives_file import Drives, read_drives
 from adaptctl.identification.fit import Fit, LogEvidence
@@ -298,6 +298,7 @@ def _of_checked(
     geared = [f"{meaning.slopes.name}: {meaning.slopes.outcome}"] if meaning.other_side else []
     untold = left_out(choice.settings.untold, choice.settings.friction)
     doubts = () if is_answered(meaning, choice.settings.friction, bool(late_torques)) else doubts
+    excess = excess_misfit(training, fit, held_out)
     notes = (
         *doubts,
         *geared,
@@ -306,13 +307,12 @@ def _of_checked(
         *remarks,
         *whole.words,
         *untold,
-        *filter(None, [late_torques]),
+        *filter(None, [late_torques, excess.warning]),
         *noisy,
         *contradictions(training, fit, meaning.other_side),
     )
-    result = _result(
-        mechanism, training, fit, held_out, choice, (*facts, meaning.slopes, meaning.alike, delayed, *steps), notes
-    )
+    told = (*facts, meaning.slopes, meaning.alike, delayed, *steps, excess.step)
+    result = _result(mechanism, training, fit, held_out, choice, told, notes)
     return replace(result, hypotheses=meaning.tried, payloads=whole.payloads)
 
 
