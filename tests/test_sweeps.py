@@ -18,7 +18,7 @@ from nightly import nightly
 
 from adaptctl.cli.main import main
 from adaptctl.cli.sweep import _validate_none_failed
-from adaptctl.errors import FileError, InputError, NotFoundError, VerdictError
+from adaptctl.errors import AdaptctlError, FileError, InputError, NotFoundError, VerdictError
 from adaptctl.experiments import find
 from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
 from adaptctl.simulation import Episode
@@ -365,6 +365,16 @@ class TestCommand:
         assert main(["sweep", *self.ARGUMENTS, *more, "--out", str(tmp_path / "out")]) == 2
         (line,) = capsys.readouterr().err.splitlines()
         assert told in line
+
+
+def test_workers_that_do_not_start_are_told_in_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    def late(**_: object) -> None:
+        raise RuntimeError("Cluster failed to start:\n timed out")
+
+    monkeypatch.setattr("distributed.LocalCluster", late)
+    told = r"workers cannot be started \(Cluster failed to start: timed out\): try fewer --jobs"
+    with pytest.raises(AdaptctlError, match=told), Cluster(jobs=1).client():
+        pass
 
 
 @nightly

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from adaptctl.errors import InputError
+from adaptctl.errors import AdaptctlError, InputError
 from adaptctl.optional_packages import needed
 from adaptctl.sweeps.folder import Folder
 from adaptctl.sweeps.rows import rows_of
@@ -62,7 +62,7 @@ class Cluster:
             if self.scheduler is None and self.scheduler_file is None:
                 # A worker whose last heartbeat finds no scheduler any more would print a traceback.
                 quiet = dask.config.set({"logging.distributed": "critical"})
-                with _ended_quietly():
+                with _ended_quietly(), _named():
                     local = distributed.LocalCluster(  # type: ignore[no-untyped-call]
                         n_workers=self.jobs or len(os.sched_getaffinity(0)),
                         threads_per_worker=1,
@@ -88,6 +88,15 @@ class Cluster:
             return distributed.Client(**given)
         except (OSError, ValueError, TypeError, RuntimeError) as error:
             raise InputError(f"scheduler {place}: cannot be reached ({' '.join(str(error).split())})") from error
+
+
+@contextmanager
+def _named() -> Iterator[None]:
+    """Context in which a start that fails, as without a loopback interface or in time, is an error of one line."""
+    try:
+        yield
+    except (OSError, RuntimeError) as error:
+        raise AdaptctlError(f"workers cannot be started ({' '.join(str(error).split())}): try fewer --jobs") from error
 
 
 @contextmanager
