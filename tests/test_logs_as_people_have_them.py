@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 from test_joint_columns import REVOLUTE, SI, arm
 
+from adaptctl.description.drive import Limits
 from adaptctl.errors import FileError, InputError
 from adaptctl.identification.columns import JointLog, joint_columns, joint_log
 from adaptctl.identification.log_files import read_log
@@ -248,6 +250,25 @@ def test_counts_and_angles_from_0_to_360_are_continued(tmp_path: Path) -> None:
     np.testing.assert_allclose(piece.position, Q, atol=2.0 * np.pi / 4096)
     found = [step.outcome for step in steps if step.name == "unwrap"]
     assert found == ["4 jumps by full turns removed from the angles"]
+
+
+def test_positions_beyond_narrow_limits_are_told_what_would_fit() -> None:
+    ranges = ((0.2, 2.5), (-1.5, 0.1))
+    links = [
+        replace(link, joint=replace(link.joint, limits=Limits(*ends, 20.0, 50.0)))
+        for link, ends in zip(ARM.description.links, ranges, strict=True)
+    ]
+    robot = type(ARM)(replace(ARM.description, links=tuple(links)))
+    within = np.stack([1.3 + 0.9 * np.sin(T), -0.7 + 0.6 * np.cos(2.0 * T)], axis=-1)
+    prepare(JointLog("log.csv", T, within, TAU), robot)
+    flag = "; or leave out this check by --skip-steps limits$"
+    for position, words in (
+        (within * [-1.0, 1.0], "are 0.2 to 2.5; of the other sign they would be within; check units.*" + flag),
+        (within[:, ::-1], "are 0.2 to 2.5; .*exchanged with those of 'j1' they would be within; check"),
+        (within + np.array([9.0, 0.0]), "are 0.2 to 2.5; check units"),
+    ):
+        with pytest.raises(InputError, match=words):
+            prepare(JointLog("log.csv", T, position, TAU), robot, ("unwrap",))
 
 
 def test_turns_that_cannot_be_told_are_refused(tmp_path: Path) -> None:

@@ -78,6 +78,7 @@ MAX_SPEED_RATIO, MAX_RANGE_EXCESS = 3.0, 0.25
 TURN, MAX_TURN_STEP = 2.0 * np.pi, 0.75 * np.pi
 # Hz, between which logs of arms are sampled.
 MIN_SAMPLE_RATE, MAX_SAMPLE_RATE = 20.0, 1e5
+SKIPPED = "; or leave out this check by --skip-steps limits"
 # Names of the steps that can be skipped.
 STEPS = ("resample", "unwrap", "velocities", "limits", "standstill")
 
@@ -282,22 +283,40 @@ def _within_limits(source: str, logs: list[JointLog], speeds: list[Array], mecha
             raise InputError(
                 f"{source}: joint {joint.name!r} moves at {fastest[j]:.3g} {joint.kind.position_unit}/s, but the limit "
                 f"of the robot is {limits.velocity:.3g}; check the gear ratio, and whether "
-                f"positions are in {'deg' if joint.kind.is_revolute else 'mm'} or times in ms"
+                f"positions are in {'deg' if joint.kind.is_revolute else 'mm'} or times in ms{SKIPPED}"
             )
         if low < limits.lower - MAX_RANGE_EXCESS or high > limits.upper + MAX_RANGE_EXCESS:
             raise InputError(
                 f"{source}: joint {joint.name!r} moves from {low:.3g} to {high:.3g}, but the limits of the robot file "
-                f"are {limits.lower:.3g} to {limits.upper:.3g}; check units, gear ratio (and its sign) and offset, "
-                "and that the log is this robot's"
+                f"are {limits.lower:.3g} to {limits.upper:.3g}; {_fitting(position, mechanism, j)}check units, gear "
+                f"ratio (and its sign) and offset, and that the log is this robot's{SKIPPED}"
             )
         strongest = max(float(np.percentile(np.abs(log.torque[:, j]), 99.0)) for log in logs)
         if strongest > MAX_SPEED_RATIO * limits.effort:
             raise InputError(
                 f"{source}: joint {joint.name!r} has a torque of {strongest:.3g} {joint.kind.effort_unit}, but the "
                 f"limit of the robot is {limits.effort:.3g}; check the unit of torque, the torque constant and the "
-                "gear ratio"
+                f"gear ratio{SKIPPED}"
             )
     return "positions, velocities and torques are within the limits of the robot"
+
+
+def _fitting(position: Array, mechanism: Mechanism, j: int) -> str:
+    """Words on the sign and the exchanges of a joint's positions (n, r) that are within the limits."""
+    joints = mechanism.primary_joints
+
+    def fits(values: Array, k: int) -> bool:
+        limits = joints[k].limits
+        lower, upper = limits.lower - MAX_RANGE_EXCESS, limits.upper + MAX_RANGE_EXCESS
+        return bool(lower <= values.min() and values.max() <= upper)
+
+    found = ["of the other sign"] if fits(-position[:, j], j) else []
+    found += [
+        f"exchanged with those of {joint.name!r}"
+        for k, joint in enumerate(joints)
+        if k != j and fits(position[:, k], j) and fits(position[:, j], k)
+    ]
+    return f"{', or '.join(found)} they would be within; " if found else ""
 
 
 def _moving(logs: list[JointLog], speeds: list[Array]) -> list[NDArray[np.bool_]]:
