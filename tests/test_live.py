@@ -26,7 +26,7 @@ from adaptctl.envs.contact import surroundings_of
 from adaptctl.errors import FileError, InputError, LiveViewWarning, MissingExtraError
 from adaptctl.experiments.contest import Contender, contest
 from adaptctl.recording.live import reachable, streaming
-from adaptctl.recording.live_process import _Rows
+from adaptctl.recording.live_process import _end, _Rows
 
 
 @pytest.fixture(scope="module")
@@ -249,3 +249,16 @@ def test_what_notebooks_need_is_named(arm: adaptctl.Mechanism, tmp_path: Path, m
         monkeypatch.setitem(sys.modules, "rerun_notebook", None)
         with pytest.raises(MissingExtraError, match="notebooks need rerun-notebook: pip install rerun-notebook"):
             live.viewer()
+
+
+def test_a_viewer_that_was_closed_ends_the_process_without_a_traceback() -> None:
+    class Severed:
+        flushed = False
+
+        def flush(self) -> None:
+            self.flushed = True
+            raise RuntimeError("gRPC connection severed")
+
+    recording: Any = Severed()
+    _end(recording)
+    assert recording.flushed

@@ -8,6 +8,7 @@ import socket
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -46,8 +47,14 @@ def main(descriptor: int, url: str) -> None:
             _draw(recording, mechanism, parts, first)
             while (more := rows.next()) is not None:
                 _draw(recording, mechanism, parts, more)
-            recording.flush()
-            recording.disconnect()
+            _end(recording)
+
+
+def _end(recording: rr.RecordingStream) -> None:
+    """Send what is left, if the viewer was not closed."""
+    with suppress(RuntimeError):
+        recording.flush()
+        recording.disconnect()
 
 
 def _mechanism(text: str) -> Mechanism:
