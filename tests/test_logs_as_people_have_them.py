@@ -19,6 +19,7 @@ from adaptctl.errors import FileError, InputError
 from adaptctl.identification.columns import JointLog, joint_columns, joint_log
 from adaptctl.identification.log_files import read_log
 from adaptctl.identification.preparation import prepare
+from adaptctl.logs.arrow import forget
 
 ARM = arm(REVOLUTE, REVOLUTE)
 T = np.arange(400) / 100.0
@@ -297,3 +298,12 @@ def test_lists_episodes_and_dates_of_parquet_are_read(tmp_path: Path) -> None:
         flat = dict(zip(HEAD, np.column_stack([Q, V, TAU]).T, strict=True))
         pq.write_table(pa.table({"time": time, **flat}), tmp_path / "log.parquet")
         np.testing.assert_allclose(joint_log_of(tmp_path / "log.parquet", time=unit).time, T, atol=1e-9)
+
+
+def test_what_has_been_read_is_forgotten(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text(lines(ROWS, ["time", *HEAD]))
+    tables = [read_log(tmp_path / "log.csv")]
+    held = pa.total_allocated_bytes()
+    forget(tables)
+    assert not tables
+    assert pa.total_allocated_bytes() < held

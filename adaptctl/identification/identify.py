@@ -38,6 +38,7 @@ from adaptctl.identification.taking import with_instants
 from adaptctl.identification.torque_constants import Completion, completed, is_complete, with_constants
 from adaptctl.identification.uncertainty import combinations, essential_components, uncertainty
 from adaptctl.identification.validation import alternatives, validate_plausible
+from adaptctl.logs.arrow import forget
 from adaptctl.stages import stage
 
 # Share of the blocks, from the end, that is held out where no log for validation is given.
@@ -175,15 +176,14 @@ def identify(
         for log in (*tables[0], *tables[1]):
             validate_not_added(log)
         train, test = ([with_own_gravity(log, mechanism, turned) for log in logs] for logs in (train, test))
-    del tables  # of which the logs have copies
-    terms = None if friction is None else FrictionModel.named(friction)
+    forget(tables)  # of which the logs have copies
     return identified(
         mechanism,
         turned,
         train,
         test,
         skip_steps=skip_steps,
-        friction=terms,
+        friction=None if friction is None else FrictionModel.named(friction),
         cutoff=cutoff,
         prior_weight=prior_weight,
         instrumental_variables=instrumental_variables,

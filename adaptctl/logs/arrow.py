@@ -27,6 +27,14 @@ class LogColumn(NamedTuple):
     """what was taken off the values, of which these have no ones"""
 
 
+def forget(tables: list[Any]) -> None:
+    """Empty a list of what has been read, and give its memory back to the system, which Arrow keeps for itself."""
+    from pyarrow import default_memory_pool
+
+    tables.clear()
+    default_memory_pool().release_unused()
+
+
 def numbers(name: str, column: Any, unit: str = "") -> Iterator[LogColumn]:
     """Columns of numbers in one of Arrow: one for each place of a list of fixed length, none for texts."""
     import pyarrow as pa
