@@ -38,9 +38,9 @@ from adaptctl.errors import InputError, validate_kind
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, Scalar, Tunable, absolute, column, each, maximum, where
 
-GRADIENT_SHARE = 0.4
+GRADIENT_SHARE = 0.6
 """share of P with which tracking errors act: with all of it differences of coarse encoders make light arms diverge,
-with less the first seconds are worse"""
+with less it learns later, and a push finds less that is known"""
 SETTLING = 2.0
 """time constants of the filters for which a joint has to move before its equation counts"""
 TRANSIENT = 0.5
@@ -90,7 +90,7 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
     -----
     .. math::
 
-        \dot{\hat\beta}=-P\bigl(\tfrac25 Y^\top s+\rho(Q\hat\beta-z)\bigr),\quad P^{-1}=\Gamma^{-1}+Q,
+        \dot{\hat\beta}=-P\bigl(\tfrac35 Y^\top s+\rho(Q\hat\beta-z)\bigr),\quad P^{-1}=\Gamma^{-1}+Q,
 
     where Q and z hold :math:`W^\top RW` and :math:`W^\top RF[\tau]` of the past [1]_, after a quarantine of
     0.3 s. Torques that the estimate does not explain raise a doubt: nothing is stored, a trial estimate follows the
@@ -224,11 +224,11 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         watch = memory.watch
         prediction = two_stage_filter.predicted(model, period, memory.filtered, self.cutoff)
         sample = self._sample(prediction, period, watch)
-        slope = (GRADIENT_SHARE * self._scale) * period.gradient(period.integral)
+        slope = self._scale * period.gradient(period.integral)
         x = Column(value / scale for value, scale in zip(estimate, self._scale, strict=True))
         observer = self.external_torque
         fast = None if observer is None else external_torque.predicted(observer, model, period, memory.touch)
-        stored, step, unsure = self._stepped(memory.stored, sample, period, watch, (x, slope), fast)
+        stored, step, unsure = self._stepped(memory.stored, sample, period, watch, (x, GRADIENT_SHARE * slope), fast)
         touch = self._felt(fast, sample, Column(unsure.of[len(sample.rows) :]), period, memory)
         back = returning(watch.doubt, period.period) if self.trial else held(period.period)
         trial = back * (estimate - watch.trusted)
