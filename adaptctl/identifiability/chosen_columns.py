@@ -12,7 +12,7 @@ from adaptctl.errors import InputError, RankError
 from adaptctl.identifiability.essential_space import EssentialSpace
 from adaptctl.identifiability.regrouping import MAX_DEFAULT_CONDITION, TOLERANCE, Regrouping, by_rows
 
-# What exact arithmetic separates by less than this may be its reading of the file's numbers, which is to 1e-12.
+# What a proof of the same rank separates by less than this may be its reading of the file's numbers, which is to 1e-12.
 READING = 1e-11
 
 
@@ -69,7 +69,7 @@ def _kept_against_the_order(
     rows = space.scaled_null_basis[[j for j in order if j not in exact]]
     others = sorted(set(found.kept) - exact)
     apart = np.abs(np.diag(np.linalg.qr(rows.T, mode="r"))).min(initial=1.0)
-    if apart <= READING and not space.proof.strict:
+    if apart <= READING and len(exact) == len(found.kept) and not space.proof.strict:
         return ()
     if apart > tolerance:
         raise RankError(
