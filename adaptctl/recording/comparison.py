@@ -327,7 +327,7 @@ class Comparison:
     def is_open(self) -> tuple[bool, ...]:
         """True for each of k parameters that a subject estimates and its motion hardly shows, above 1 % of
         `torque_uncertainty`."""
-        if not self.subject.rollout.estimate.shape[1]:
+        if not self.subject.is_estimating:
             return (False,) * len(self.model.names)
         found = torque_uncertainty(self.model, self.subject.rollout, self.torque_limits)
         return tuple((found > OPEN_SHARE).tolist())

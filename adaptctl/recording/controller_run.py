@@ -232,6 +232,11 @@ class ControllerRun:
         return moving_rms(self.rollout.error, window, self.rollout.sample_time)
 
     @property
+    def is_estimating(self) -> bool:
+        """True if the controller estimates parameters."""
+        return bool(self.rollout.estimate.shape[1])
+
+    @property
     def realtime_factor(self) -> float | None:
         """Simulated time divided by computing time; None if it was not measured."""
         return self.duration / self.rollout.wall_time if self.rollout.wall_time > 0.0 else None

@@ -78,7 +78,7 @@ def drawings(comparison: Comparison) -> dict[str, Drawing]:
     }
     subject = comparison.subject
     missing = {"lyapunov"} if subject.lyapunov is None else set()
-    missing |= set() if subject.rollout.estimate.shape[1] else {"parameters"}
+    missing |= set() if subject.is_estimating else {"parameters"}
     missing |= set() if touched(comparison) else {"contact-force"}
     shown = {name: one for name, one in captions.items() if name not in missing}
     return {

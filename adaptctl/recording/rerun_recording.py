@@ -251,7 +251,7 @@ def legend_room(names: Sequence[str]) -> float:
 def estimated_links(comparison: Comparison) -> dict[str, str]:
     """Units of the estimates of each link and of each joint's friction, by its name."""
     found: dict[str, dict[str, None]] = {}
-    if comparison.subject.rollout.estimate.shape[1]:
+    if comparison.subject.is_estimating:
         for name in comparison.model.names:
             units = found.setdefault(name.rpartition(".")[0], {})
             units[typeset(parameter_unit(name, comparison.mechanism))] = None
@@ -291,7 +291,7 @@ def summary_markdown(comparison: Comparison) -> str:
         rows.append([run.label, run.prior_knowledge or "–", *errors, outcome(run)])
     runs = Table(["controller", "knows", *heads, "outcome"], rows)
     head = Report(comparison.experiment, comparison.title, outcome_words(comparison), complete=comparison.complete)
-    estimates = [on_truth(comparison)] if comparison.subject.rollout.estimate.shape[1] else []
+    estimates = [on_truth(comparison)] if comparison.subject.is_estimating else []
     return head.markdown(answers_table(tuple(facts(comparison))), runs, *estimates)
 
 

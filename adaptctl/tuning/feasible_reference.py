@@ -35,6 +35,11 @@ def motion_ranges(mechanism: Mechanism) -> tuple[Array, Array]:
     return lower, upper
 
 
+def coulomb_friction(mechanism: Mechanism) -> Array:
+    """Coulomb friction (r,) of the primary joints in the file, N m (N)."""
+    return np.array([joint.drive.coulomb or 0.0 for joint in mechanism.primary_joints])
+
+
 def random_swing(
     mechanism: Mechanism, room: Array, speed_share: float, rng: np.random.Generator
 ) -> tuple[Array, Array]:
@@ -116,8 +121,7 @@ def _static(mechanism: Mechanism, limits: Array, center: Array) -> Array:
     """Shares (2, r) of gravity and Coulomb friction."""
     rest = np.zeros((1, mechanism.dof))
     gravity = np.abs(mechanism.inverse_dynamics(center[None], rest, rest))[0]
-    coulomb = np.array([joint.drive.coulomb or 0.0 for joint in mechanism.primary_joints])
-    return np.stack((gravity, coulomb)) / limits
+    return np.stack((gravity, coulomb_friction(mechanism))) / limits
 
 
 def _center(mechanism: Mechanism, limits: Array, rng: np.random.Generator) -> Array:

@@ -10,6 +10,7 @@ from adaptctl.control.controller import Reference
 from adaptctl.control.excitation.torque_uncertainty import TORQUE_ERROR_SHARE
 from adaptctl.dynamics import Mechanism
 from adaptctl.tuning.default_gains import HORIZON
+from adaptctl.tuning.feasible_reference import coulomb_friction
 
 FRICTION_ERROR_SHARE = 0.01
 """share of a file's Coulomb friction within which a joint's friction is known at best"""
@@ -35,16 +36,10 @@ def learning_by_rule(
     speeds = np.abs(reference(np.linspace(0.0, HORIZON, SPEED_SAMPLES)).v).max(axis=0)
     least = np.minimum(MIN_SPEED, MIN_SPEED_SHARE * speeds)
     recall, cutoff = (min(x, 0.5 / control_period) for x in (GuardedLearning.recall, GuardedLearning.cutoff))
-    sigma = np.maximum(torque_error(torque_limits, damping), FRICTION_ERROR_SHARE * _coulomb(mechanism))
+    sigma = np.maximum(torque_error(torque_limits, damping), FRICTION_ERROR_SHARE * coulomb_friction(mechanism))
     return GuardedLearning(np.diag(gain), 1.0 / sigma**2, cutoff=cutoff, recall=recall, min_speed=least)
 
 
 def torque_error(limits: Array, damping: Array) -> Array:
     """Errors sigma (r,) of torques in N m (N)."""
     return np.asarray(np.minimum(TORQUE_ERROR_SHARE * limits, SPEED_NOISE * damping))
-
-
-def _coulomb(mechanism: Mechanism) -> Array:
-    """Coulomb friction (r,) of the primary joints in the file, N m (N)."""
-    given = dict(zip(mechanism.parameter_names, mechanism.inertial_parameters.tolist(), strict=True))
-    return np.array([given.get(f"{joint.name}.coulomb", 0.0) for joint in mechanism.primary_joints])
