@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +11,9 @@ from scipy.signal import welch
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.recursion.energy import momentum_terms
 from adaptctl.errors import InputError
+from adaptctl.identification.momentum_balance import MomentumBalance, PackedRegressor
 from adaptctl.identification.preparation import DIFFERENCE_MARGIN, PreparedLog, derivative, filtered, low_pass, padded
-from adaptctl.scalars import column
 
 # With a kernel w of finite length, tau = d/dt (h D) - f D becomes w*tau = (w'*h - w*f) D: the derivative falls on the
 # kernel. h and f are the regressors of the momenta and of the other forces, friction among them (`momentum_terms`).
@@ -107,8 +105,7 @@ class SmoothMotion:
                 f"{log.source}: {len(log.time)} consecutive samples are too few to filter; record a longer log"
             )
         every = max(1, int(log.rate / (OVERSAMPLING * cutoff)))
-        position = filtered(log.position, padded(kernel))[::every]
-        velocity = filtered(log.position, rate_kernel)[::every]
+        position, velocity = (filtered(log.position, w, every) for w in (padded(kernel), rate_kernel))
         return cls(log, number, cutoff, every, len(rate_kernel) // 2, position, velocity)
 
     def later(self, cutoff: float, times: Array, delay: float) -> tuple[Array, Array]:
@@ -125,78 +122,32 @@ class SmoothMotion:
         inner = slice(DIFFERENCE_MARGIN, -DIFFERENCE_MARGIN)
         return self.position[inner], self.velocity[inner], filtered(self.velocity, derivative(np.ones(1), self.rate))
 
-    def rows(self, mechanism: Mechanism, cutoffs: Sequence[float]) -> list[Rows]:
-        """Rows for each cut-off (Hz), about four in its period."""
-        return self.filtered_rows(mechanism, [RowFilter.of(self, cutoff) for cutoff in cutoffs])
-
-    def filtered_rows(self, mechanism: Mechanism, filters: Sequence[RowFilter]) -> list[Rows]:
+    def filtered_rows(self, balance: MomentumBalance, filters: Sequence[RowFilter]) -> list[Rows]:
         """Rows by each filter."""
-        found: list[list[Array]] = [[] for _ in filters]
-        widest = max(f.taps for f in filters)
+        packed = self.filtered_regressors(balance, filters)
+        return [f.rows(self, own.whole) for f, own in zip(filters, packed, strict=True)]
+
+    def filtered_regressors(self, balance: MomentumBalance, filters: Sequence[RowFilter]) -> list[PackedRegressor]:
+        """Regressors of the rows by each filter."""
+        found: list[list[PackedRegressor]] = [[] for _ in filters]
+        widest, narrowest = (of(f.taps for f in filters) for of in (max, min))
         if len(self.position) < widest:
             raise InputError(f"{self.log.source}: {len(self.log.time)} consecutive samples are too few to filter")
-        narrowest = min(f.taps for f in filters)
-        for start in range(0, max(1, len(self.position) - narrowest + 1), CHUNK_SAMPLES):
-            terms = _Terms.of(self, mechanism, slice(start, start + CHUNK_SAMPLES + widest - 1))
+        for start in range(0, len(self.position) - narrowest + 1, CHUNK_SAMPLES):
+            here = slice(start, start + CHUNK_SAMPLES + widest - 1)
+            samples = balance.at(self.position[here], self.velocity[here], self.rate)
             for row_filter, parts in zip(filters, found, strict=True):
-                parts.append(row_filter.regressor(terms, start, min(CHUNK_SAMPLES, len(self.position) - start)))
-        return [f.rows(self, _emptied(parts)) for f, parts in zip(filters, found, strict=True)]
-
-
-def _emptied(parts: list[Array]) -> Array:
-    """One array of all parts, whose list is emptied to free memory."""
-    whole = np.concatenate(parts)
-    parts.clear()
-    return whole
-
-
-@dataclass(frozen=True, eq=False)
-class _Terms:
-    """Regressors (n, K) of momenta and forces, of the K of all r times P entries that are not 0 by structure."""
-
-    momentum: Array
-    forces: Array
-    entries: NDArray[np.intp]
-    shape: tuple[int, int]
-
-    @classmethod
-    def of(cls, motion: SmoothMotion, mechanism: Mechanism, where: slice) -> _Terms:
-        """Terms of some samples of a motion."""
-        q, v = column(mechanism.configuration(motion.position[where])), column(motion.velocity[where])
-        columns = range(len(mechanism.parameter_names))
-        terms = momentum_terms(mechanism.equations, q, v, columns)
-        both = [[entry for row in rows for entry in row] for rows in terms]
-        entries = [k for k, own in enumerate(zip(*both, strict=True)) if any(map(_may_differ, own))]
-        momentum, forces = (_side_by_side([own[k] for k in entries], len(motion.position[where])) for own in both)
-        return cls(momentum, forces, np.array(entries, dtype=np.intp), (len(terms.momentum), len(columns)))
-
-    def whole(self, packed: Array) -> Array:
-        """Regressor (n, r, P) of the entries (n, K)."""
-        regressor = np.zeros((len(packed), self.shape[0] * self.shape[1]))
-        regressor[:, self.entries] = packed
-        return regressor.reshape(-1, *self.shape)
-
-
-def _may_differ(entry: Any) -> bool:
-    """False for the number 0 of an entry that is 0 by structure."""
-    return np.ndim(entry) > 0 or bool(entry)
-
-
-def _side_by_side(entries: Sequence[Any], samples: int) -> Array:
-    """Array (n, K) of entries for n samples, each of which is contiguous."""
-    out = np.empty((len(entries), samples))
-    for i, entry in enumerate(entries):
-        out[i] = entry
-    return out.T
+                values = row_filter.balanced(samples.values, start, min(CHUNK_SAMPLES, len(self.position) - start))
+                parts.append(samples._replace(values=values))
+        return [parts[0]._replace(values=np.concatenate([own.values for own in parts])) for parts in found]
 
 
 @dataclass(frozen=True, eq=False)
 class RowFilter:
-    """Low-pass filter that makes rows of a motion, one at every stride."""
+    """Low-pass filter that makes rows of a motion, one at every stride; its kernel has two zeros at each end."""
 
     cutoff: float
     kernel: Array
-    change: Array
     every: int
 
     @property
@@ -209,16 +160,13 @@ class RowFilter:
         """Filter of a cut-off (Hz) for a motion."""
         kernel = low_pass(cutoff, motion.rate)
         every = min(int(motion.rate / (ROWS_PER_PERIOD * cutoff)), (motion.whole or len(motion.position)) // MIN_ROWS)
-        return cls(cutoff, padded(kernel), derivative(kernel, motion.rate), max(1, every))
+        return cls(cutoff, padded(kernel), max(1, every))
 
-    def regressor(self, terms: _Terms, start: int, length: int) -> Array:
-        """Regressor (n, r, P) of rows from momenta and forces of a chunk of samples."""
-        skipped = -start % self.every
-        end = length + self.taps - 1
-        h, f = terms.momentum[skipped:end], terms.forces[skipped:end]
-        if len(h) < self.taps:
-            return np.empty((0, *terms.shape))
-        return terms.whole(filtered(h, self.change, self.every) - filtered(f, self.kernel, self.every))
+    def balanced(self, values: Array, start: int, length: int) -> Array:
+        """Rows (m, K) of a chunk of samples' values, which lack two samples at each end."""
+        inner = values[-start % self.every : length + self.taps - 1 - 2 * DIFFERENCE_MARGIN]
+        kernel = self.kernel[DIFFERENCE_MARGIN:-DIFFERENCE_MARGIN]
+        return filtered(inner, kernel, self.every) if len(inner) >= len(kernel) else np.empty((0, values.shape[1]))
 
     def signal(self, values: Array) -> Array:
         """Signal (m, ...) through the filter, at all rows."""
@@ -227,18 +175,16 @@ class RowFilter:
     def rows(self, motion: SmoothMotion, regressor: Array) -> Rows:
         """Rows at all instants, with a mask of those at which the arm moves."""
         log, n = motion.log, len(regressor)
-        at = self._centers(motion, n)
-        own = low_pass(self.cutoff, log.rate)
-        torque = filtered(log.torque, own)[at - len(own) // 2]
+        kernel = low_pass(self.cutoff, log.rate)
+        torque, change = (self._at_rows(motion, w, n) for w in (kernel, derivative(kernel, log.rate)))
         velocity, number = self.signal(motion.velocity), np.full(n, motion.number)
-        return Rows(
-            self.cutoff, log.time[at], regressor, torque, self._change(log, at), velocity, number, self.moving(motion)
-        )
+        time, moving = log.time[self._centers(motion, n)], self.moving(motion)
+        return Rows(self.cutoff, time, regressor, torque, change, velocity, number, moving)
 
-    def _change(self, log: PreparedLog, at: NDArray[np.int64]) -> Array:
-        """Rates (n, r) of the filtered torques at samples."""
-        kernel = derivative(low_pass(self.cutoff, log.rate), log.rate)
-        return filtered(log.torque, kernel)[at - len(kernel) // 2]
+    def _at_rows(self, motion: SmoothMotion, kernel: Array, count: int) -> Array:
+        """Torques (n, r) of the log through a kernel at its own rate, at the rows' instants."""
+        first = int(self._centers(motion, 1)[0]) - len(kernel) // 2
+        return filtered(motion.log.torque[first:], kernel, motion.every * self.every)[:count]
 
     def times(self, motion: SmoothMotion) -> Array:
         """Times (n,) in s of all rows of a motion."""
@@ -259,7 +205,8 @@ class RowFilter:
 
 def rows_of(motions: Sequence[SmoothMotion], mechanism: Mechanism, cutoffs: Sequence[float]) -> list[Rows]:
     """Rows of several logs, one after the other, for each cut-off."""
-    each = [motion.rows(mechanism, cutoffs) for motion in motions]
+    balance = MomentumBalance(mechanism)
+    each = [motion.filtered_rows(balance, [RowFilter.of(motion, c) for c in cutoffs]) for motion in motions]
     return [Rows.joined(parts) for parts in zip(*each, strict=True)]
 
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
+from math import lcm
 
 import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
-from adaptctl.identification.filtered_dynamics import RowFilter, Rows, SmoothMotion
+from adaptctl.identification.filtered_dynamics import RowFilter, SmoothMotion
 from adaptctl.identification.fit import LogEvidence
+from adaptctl.identification.momentum_balance import MomentumBalance
 from adaptctl.identification.validation import Validation
 
 
@@ -25,10 +28,9 @@ class HeldOut:
 
     def judged(self, mechanism: Mechanism) -> tuple[Validation, Validation]:
         """Validations of a robot as it is, by its own dynamics: at the common cut-off, and in the motion's band."""
-        first = self.validation(self.cutoff, self._predicted(mechanism, self.cutoff))
-        if self.band == self.cutoff:
-            return first, first
-        return first, self.validation(self.band, self._predicted(mechanism, self.band))
+        predicted = self._predicted(mechanism, {self.cutoff, self.band})
+        found = {cutoff: self.validation(cutoff, torque) for cutoff, torque in predicted.items()}
+        return found[self.cutoff], found[self.band]
 
     def of(self, x: Array) -> Validation:
         """Validation of parameters (P,) of the fits' mechanism, at the common cut-off."""
@@ -40,19 +42,29 @@ class HeldOut:
         units = tuple(joint.kind.effort_unit for joint in joints)
         return Validation(self.origin, cutoff, rows.time, rows.torque, predicted, units, self.left_out)
 
-    def _predicted(self, mechanism: Mechanism, cutoff: float) -> Array:
-        rows = self.evidence.rows[cutoff]
-        here = [motion for motion in self.evidence.motions if np.any(rows.log == motion.number)]
-        parts = [_predicted(motion, rows, mechanism) for motion in here]
-        return np.concatenate(parts)
+    def _predicted(self, mechanism: Mechanism, cutoffs: Collection[float]) -> dict[float, Array]:
+        """Torques (n, r) by cut-off, from one pass over each motion."""
+        balance = MomentumBalance(mechanism)
+        parts: dict[float, list[Array]] = {cutoff: [] for cutoff in cutoffs}
+        for motion in self.evidence.motions:
+            times = {c: self.evidence.rows[c].time[self.evidence.rows[c].log == motion.number] for c in cutoffs}
+            for cutoff, torque in _predicted(motion, {c: own for c, own in times.items() if len(own)}, balance):
+                parts[cutoff].append(torque)
+        return {cutoff: np.concatenate(own) for cutoff, own in parts.items()}
 
 
-def _predicted(motion: SmoothMotion, rows: Rows, mechanism: Mechanism) -> Array:
-    """Torques (n, r) that a robot's own regressor gives at those rows that are of a motion."""
-    times = rows.time[rows.log == motion.number]
-    row_filter = RowFilter.of(motion, rows.cutoff)
-    skipped = row_filter.every * int(np.searchsorted(row_filter.times(motion), times[0]))
-    first = motion.first + motion.every * skipped
-    part = replace(motion, first=first, position=motion.position[skipped:], velocity=motion.velocity[skipped:])
-    (found,) = part.filtered_rows(mechanism, [row_filter])
-    return found.regressor[: len(times)] @ mechanism.inertial_parameters
+def _predicted(
+    motion: SmoothMotion, times: Mapping[float, Array], balance: MomentumBalance
+) -> Iterator[tuple[float, Array]]:
+    """Cut-offs with the torques (n, r) that a robot's own regressor gives at rows of a motion, by the rows' times."""
+    if not times:
+        return
+    filters = [RowFilter.of(motion, cutoff) for cutoff in times]
+    first = [int(np.searchsorted(f.times(motion), own[0])) for f, own in zip(filters, times.values(), strict=True)]
+    step = lcm(*(f.every for f in filters))
+    skipped = min(k * f.every for k, f in zip(first, filters, strict=True)) // step * step
+    place = motion.first + motion.every * skipped
+    part = replace(motion, first=place, position=motion.position[skipped:], velocity=motion.velocity[skipped:])
+    found = part.filtered_regressors(balance, filters)
+    for f, k, packed, (cutoff, own) in zip(filters, first, found, times.items(), strict=True):
+        yield cutoff, packed.torques(balance.mechanism.inertial_parameters)[k - skipped // f.every :][: len(own)]

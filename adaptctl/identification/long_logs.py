@@ -18,6 +18,7 @@ from adaptctl.errors import InputError
 from adaptctl.identification.choice import NUM_BLOCKS, SLOW_CANDIDATES
 from adaptctl.identification.filtered_dynamics import ROWS_PER_PERIOD, RowFilter, Rows, SmoothMotion
 from adaptctl.identification.fit import LogEvidence
+from adaptctl.identification.momentum_balance import MomentumBalance, PackedRegressor
 from adaptctl.identification.normal_equations import NormalEquations, block_edges, blocks_of
 from adaptctl.identification.preparation import PreparedLog
 
@@ -157,22 +158,26 @@ class Stretches:
 
     def _summed(self, delay: float) -> dict[tuple[float, float], NormalEquations]:
         found: dict[tuple[float, float], NormalEquations] = {}
-        for rows in self._rows(delay):
+        least = sorted(SLOW_CANDIDATES)
+        for rows, regressor in self._rows(delay):
+            used = [rows.used(slow * self.peaks) for slow in least]
             block = blocks_of(rows, self.edges)
-            for slow in SLOW_CANDIDATES:
-                used, key = rows.used(slow * self.peaks), (rows.cutoff, slow)
-                part = NormalEquations.of(rows, block, len(self.edges), used)
+            parts = NormalEquations.nested(regressor, rows.torque, block, len(self.edges), used)
+            for slow, part in zip(least, parts, strict=True):
+                key = rows.cutoff, slow
                 found[key] = found[key].plus(part) if key in found else part
         return found
 
-    def _rows(self, delay: float) -> Iterator[Rows]:
+    def _rows(self, delay: float) -> Iterator[tuple[Rows, PackedRegressor]]:
+        """Rows of stretches, whose regressors are packed, and these."""
+        balance = MomentumBalance(self.mechanism)
         for grid in self._grids:
             for motion, first, last in grid.stretches():
-                for own, rows in zip(grid.filters, motion.filtered_rows(self.mechanism, grid.filters), strict=True):
-                    at = own.every * np.arange(len(rows))
-                    kept = rows.chosen((at >= first) & (at < last))
+                for own, packed in zip(grid.filters, motion.filtered_regressors(balance, grid.filters), strict=True):
+                    at = own.every * np.arange(len(packed.values))
+                    kept = own.rows(motion, packed.values).chosen((at >= first) & (at < last))
                     rise = motion.later(own.cutoff, kept.time, delay)[0] if delay else 0.0
-                    yield replace(kept, torque=kept.torque + rise)
+                    yield replace(kept, torque=kept.torque + rise), packed._replace(values=kept.regressor)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.identification.filtered_dynamics import Rows
+from adaptctl.identification.momentum_balance import PackedRegressor
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,9 +26,22 @@ class NormalEquations:
     @classmethod
     def of(cls, rows: Rows, block: NDArray[np.int64], blocks: int, used: NDArray[np.bool_]) -> NormalEquations:
         """Normal equations of those joints' rows that a mask (n, r) has, summed by the blocks that they belong to."""
-        each = (block == b for b in range(blocks))
-        parts = [_sums(rows.regressor[b], rows.torque[b], used[b]) for b in each]
-        return cls(*(np.stack(part) for part in zip(*parts, strict=True)))
+        return cls.nested(PackedRegressor.of(rows.regressor), rows.torque, block, blocks, [used])[0]
+
+    @classmethod
+    def nested(
+        cls,
+        regressor: PackedRegressor,
+        torque: Array,
+        block: NDArray[np.int64],
+        blocks: int,
+        used: Sequence[NDArray[np.bool_]],
+    ) -> list[NormalEquations]:
+        """Likewise for each of several masks, each of which is within the one before: every row is summed once."""
+        bounds = [*used[1:], np.zeros_like(used[0])]
+        own = (here & ~later for here, later in zip(used, bounds, strict=True))
+        parts = [_summed(regressor, torque, block, blocks, mask) for mask in own]
+        return list(accumulate(parts[::-1], cls.plus))[::-1]
 
     def over(self, blocks: NDArray[np.int64] | Sequence[int]) -> NormalEquations:
         """Normal equations of one block: the sums over some blocks."""
@@ -63,15 +78,20 @@ class NormalEquations:
         return np.maximum(self.square.sum(axis=0) - 2.0 * moment @ x + (normal @ x) @ x, 0.0)
 
 
-def _sums(Y: Array, torque: Array, used: NDArray[np.bool_]) -> tuple[Array, Array, Array, Array]:
-    torque = np.where(used, torque, 0.0)
-    normal, moment = np.zeros((Y.shape[1], Y.shape[2], Y.shape[2])), np.zeros(Y.shape[1:])
-    for j in range(Y.shape[1]):
-        rows, kept = np.flatnonzero(used[:, j]), np.flatnonzero(Y[:, j].any(axis=0))  # 0: of other links and drives
-        own = Y[rows[:, None], j, kept]
-        normal[j][np.ix_(kept, kept)] = own.T @ own
-        moment[j, kept] = own.T @ torque[rows, j]
-    return normal, moment, np.square(torque).sum(axis=0), used.sum(axis=0).astype(np.float64)
+def _summed(
+    regressor: PackedRegressor, torque: Array, block: NDArray[np.int64], blocks: int, used: NDArray[np.bool_]
+) -> NormalEquations:
+    r, P = regressor.shape
+    normal, moment = np.zeros((blocks, r, P, P)), np.zeros((blocks, r, P))
+    square, count = np.zeros((2, blocks, r))
+    for j in range(r):
+        columns, values = regressor.joint(j)
+        for b in np.unique(block[used[:, j]]).tolist():
+            rows = np.flatnonzero(used[:, j] & (block == b))
+            Y, tau = values[rows], torque[rows, j]
+            normal[b, j][np.ix_(columns, columns)] = Y.T @ Y
+            moment[b, j, columns], square[b, j], count[b, j] = Y.T @ tau, tau @ tau, len(rows)
+    return NormalEquations(normal, moment, square, count)
 
 
 def block_edges(log: NDArray[np.int64], time: Array, count: int) -> list[tuple[int, float]]:

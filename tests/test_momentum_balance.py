@@ -1,0 +1,54 @@
+"""Regressors by momenta: packed, by NumPy and by native code; and normal equations whose rows are summed once."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from synthetic_logs import known, motion
+
+from adaptctl.arrays import Array
+from adaptctl.identification import momentum_balance
+from adaptctl.identification.filtered_dynamics import Rows
+from adaptctl.identification.friction_model import with_all_friction
+from adaptctl.identification.momentum_balance import MomentumBalance, PackedRegressor
+from adaptctl.identification.normal_equations import NormalEquations
+
+
+def test_native_code_gives_the_regressor_of_numpy_and_of_accelerations(monkeypatch: pytest.MonkeyPatch) -> None:
+    case, rate = known(3), 1000.0
+    mechanism = with_all_friction(case.truth, case.drives)
+    _, p, v, a = motion(mechanism.dof, np.random.default_rng(1), 0.6, rate)
+    plain = MomentumBalance(mechanism).at(p, v, rate)
+    monkeypatch.setattr(momentum_balance, "COMPILE_AFTER_STATES", 0)
+    native = MomentumBalance(mechanism)
+    native.at(p[:9], v[:9], rate)  # tells the entries
+    found = native.at(p, v, rate)
+    np.testing.assert_array_equal(found.entries, plain.entries)
+    np.testing.assert_allclose(found.values, plain.values, rtol=1e-11, atol=1e-11 * np.abs(plain.values).max())
+    whole = mechanism.torque_regressor(p, v, a)[2:-2]
+    np.testing.assert_allclose(found.whole, whole, rtol=1e-6, atol=1e-6 * np.abs(whole).max())
+    x: Array = np.random.default_rng(2).normal(size=whole.shape[-1])
+    np.testing.assert_allclose(found.torques(x), found.whole @ x, rtol=1e-11, atol=1e-11)
+
+
+def test_nested_sums_are_those_of_each_mask() -> None:
+    rng = np.random.default_rng(4)
+    Y, torque, block = rng.normal(size=(60, 2, 5)), rng.normal(size=(60, 2)), np.repeat([0, 2, 3], 20)
+    Y[:, 0, 3:] = 0.0
+    used = [rng.random((60, 2)) < 0.9]
+    for share in (0.8, 0.5):
+        used.append(used[-1] & (rng.random((60, 2)) < share))
+    packed = PackedRegressor.of(Y)
+    assert packed.values.shape == (60, 8)
+    np.testing.assert_array_equal(packed.whole, Y)
+    for found, mask in zip(NormalEquations.nested(packed, torque, block, 4, used), used, strict=True):
+        here = [mask & (block == b)[:, None] for b in range(4)]
+        np.testing.assert_allclose(found.normal, [np.einsum("nj,njp,njq->jpq", m, Y, Y) for m in here], atol=1e-12)
+        np.testing.assert_allclose(found.moment, [np.einsum("nj,njp,nj->jp", m, Y, torque) for m in here], atol=1e-12)
+        np.testing.assert_allclose(found.square, [(m * torque**2).sum(axis=0) for m in here], atol=1e-12)
+        np.testing.assert_array_equal(found.count, [m.sum(axis=0) for m in here])
+    rows = Rows(1.0, np.zeros(60), Y, torque, torque, torque, block, block > 0)
+    alone = NormalEquations.of(rows, block, 4, used[1])
+    np.testing.assert_allclose(
+        alone.normal, NormalEquations.nested(packed, torque, block, 4, used)[1].normal, atol=1e-12
+    )
