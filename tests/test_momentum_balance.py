@@ -27,7 +27,7 @@ def test_native_code_gives_the_regressor_of_numpy_and_of_accelerations(monkeypat
     np.testing.assert_allclose(found.values, plain.values, rtol=1e-11, atol=1e-11 * np.abs(plain.values).max())
     whole = mechanism.torque_regressor(p, v, a)[2:-2]
     np.testing.assert_allclose(found.whole, whole, rtol=1e-6, atol=1e-6 * np.abs(whole).max())
-    x: Array = np.random.default_rng(2).normal(size=whole.shape[-1])
+    x: Array = np.asarray(np.random.default_rng(2).normal(size=whole.shape[-1]))
     np.testing.assert_allclose(found.torques(x), found.whole @ x, rtol=1e-11, atol=1e-11)
 
 

@@ -40,16 +40,17 @@ def checked_log(log: JointLog, mechanism: Mechanism) -> tuple[JointLog, list[Pre
     joints, turns = mechanism.primary_joints, [joint.kind.is_revolute for joint in mechanism.primary_joints]
     position, torque = log.position.copy(), log.torque.copy()
     velocity = None if log.velocity is None else log.velocity.copy()
-    notes: list[str] = []
+    filled: list[list[str]] = []
     for j, joint in enumerate(joints):
         wrong, whole = _impossible(np.unwrap(position[:, j]) if turns[j] else position[:, j])
         for column, values in ((position, whole), *([] if velocity is None else [(velocity, velocity[:, j])])):
             column[:, j] = np.where(wrong, _filled(log.time, values, wrong), column[:, j])
         spiked = _spiked(torque[:, j])
         torque[:, j] = _filled(log.time, torque[:, j], spiked)
-        notes += _filled_words(log, joint, "positions that it cannot reach", wrong)
-        notes += _filled_words(log, joint, "torques that stand out of their neighbours", spiked)
-        notes += _column_faults(log.time, position, torque, joint, j)
+        words = _filled_words(log, joint, "positions that it cannot reach", wrong)
+        filled.append(words + _filled_words(log, joint, "torques that stand out of their neighbours", spiked))
+    faults = _column_faults(log.time, position, torque, joints)
+    notes = (note for pair in zip(filled, faults, strict=True) for own in pair for note in own)
     said = (*log.notes, *(f"{log.source}: {note}" for note in notes))
     position, torque = same_array(log.position, position), same_array(log.torque, torque)
     velocity = None if log.velocity is None or velocity is None else same_array(log.velocity, velocity)
@@ -83,8 +84,8 @@ def dead_joints(logs: Sequence[JointLog], mechanism: Mechanism) -> list[str]:
 
 def _dead(position: Array, torque: Array) -> NDArray[np.bool_]:
     """Mask (r,) of the joints that move while their torques hardly change."""
-    ranges = np.ptp(torque, axis=0)
-    return np.asarray((np.ptp(position, axis=0) > LEAST_JUMP) & (ranges < DEAD_SHARE * ranges.max()))
+    widths, ranges = (np.array([np.ptp(own) for own in values.T]) for values in (position, torque))
+    return np.asarray((widths > LEAST_JUMP) & (ranges < DEAD_SHARE * ranges.max()))
 
 
 def still_words(still: Sequence[str]) -> Iterator[str]:
@@ -131,32 +132,51 @@ def _spiked(torque: Array) -> NDArray[np.bool_]:
     return np.asarray(off > max(SPIKE_SHARE * (high - low), SPIKE_RATIO * float(np.median(off)), 1e-12))
 
 
-def _column_faults(time: Array, position: Array, torques: Array, joint: Joint, j: int) -> Iterator[str]:
-    """Sentences on a torque that is clipped, frozen or dead."""
-    torque, unit = torques[:, j], joint.kind.effort_unit
-    if _dead(position, torques)[j]:
-        held = f"{torque.mean():.3g} {unit} to within {np.ptp(torque):.2g}"
-        yield f"the torque of joint {joint.name!r} is {held}: its sensor seems dead"
-        return
-    moves = np.concatenate([[False], (np.diff(position, axis=0) != 0.0).any(axis=1)])
-    for value, count in _clipped(torque[moves]):
+def _column_faults(time: Array, position: Array, torque: Array, joints: Sequence[Joint]) -> Iterator[list[str]]:
+    """Sentences on each joint's torque that is clipped, frozen or dead."""
+    moved, dead = _moved(position), _dead(position, torque)
+    any_moved = moved.any(axis=1)
+    for j, joint in enumerate(joints):
+        own, unit = torque[:, j], joint.kind.effort_unit
+        if dead[j]:
+            held = f"{own.mean():.3g} {unit} to within {np.ptp(own):.2g}"
+            yield [f"the torque of joint {joint.name!r} is {held}: its sensor seems dead"]
+        else:
+            yield [*_clipped_words(own[any_moved], joint), *_frozen_words(time, own, moved[:, j], joint)]
+
+
+def _moved(position: Array) -> NDArray[np.bool_]:
+    """Mask (n, r) of the positions that are not those of the row before."""
+    changed = np.zeros(position.shape, dtype=np.bool_, order="F")
+    for j in range(position.shape[1]):
+        changed[1:, j] = np.diff(position[:, j]) != 0.0
+    return changed
+
+
+def _clipped_words(torque: Array, joint: Joint) -> Iterator[str]:
+    for value, count in _clipped(torque):
         yield (
-            f"the torque of joint {joint.name!r} is clipped: {count} rows have exactly {value:.4g} {unit}; record a "
-            "gentler motion, or leave these rows out"
+            f"the torque of joint {joint.name!r} is clipped: {count} rows have exactly {value:.4g} "
+            f"{joint.kind.effort_unit}; record a gentler motion, or leave these rows out"
         )
-    start, end = _frozen(torque, np.concatenate([[False], np.diff(position[:, j]) != 0.0]), time)
+
+
+def _frozen_words(time: Array, torque: Array, moves: NDArray[np.bool_], joint: Joint) -> Iterator[str]:
+    start, end = _frozen(torque, moves, time)
     if end > start:
         yield (
-            f"the torque of joint {joint.name!r} is frozen at {torque[start]:.4g} {unit} from {time[start]:.6g} to "
-            f"{time[end - 1]:.6g} s; cut this stretch out of the log"
+            f"the torque of joint {joint.name!r} is frozen at {torque[start]:.4g} {joint.kind.effort_unit} from "
+            f"{time[start]:.6g} to {time[end - 1]:.6g} s; cut this stretch out of the log"
         )
 
 
 def _clipped(torque: Array) -> Iterator[tuple[float, int]]:
     """Greatest and least torques that far more rows have than any of the next values, and their counts."""
+    least = max(10.0, CLIPPED_SHARE * len(torque))
+    if not len(torque) or max(np.count_nonzero(torque == end) for end in (torque.max(), torque.min())) < least:
+        return  # which is known sooner than the values are sorted
     values, counts = np.unique(torque, return_counts=True)
     for each, own in ((values[::-1], counts[::-1]), (values, counts)):
-        least = max(10.0, CLIPPED_SHARE * len(torque))
         if len(each) > NEXT_VALUES and own[0] >= max(least, CLIPPED_RATIO * own[1 : 1 + NEXT_VALUES].max()):
             yield float(each[0]), int(own[0])
 
