@@ -1,4 +1,4 @@
-"""Regressors by momenta: packed, by NumPy and by native code; and normal equations whose rows are summed once."""
+"""Regressors by momenta: packed, by NumPy and by native code; and the normal equations of these."""
 
 from __future__ import annotations
 
@@ -31,24 +31,20 @@ def test_native_code_gives_the_regressor_of_numpy_and_of_accelerations(monkeypat
     np.testing.assert_allclose(found.torques(x), found.whole @ x, rtol=1e-11, atol=1e-11)
 
 
-def test_nested_sums_are_those_of_each_mask() -> None:
+def test_sums_are_those_of_the_rows_that_a_mask_has() -> None:
     rng = np.random.default_rng(4)
     Y, torque, block = rng.normal(size=(60, 2, 5)), rng.normal(size=(60, 2)), np.repeat([0, 2, 3], 20)
     Y[:, 0, 3:] = 0.0
-    used = [rng.random((60, 2)) < 0.9]
-    for share in (0.8, 0.5):
-        used.append(used[-1] & (rng.random((60, 2)) < share))
-    packed = PackedRegressor.of(Y)
+    packed, used = PackedRegressor.of(Y), rng.random((60, 2)) < 0.7
     assert packed.values.shape == (60, 8)
     np.testing.assert_array_equal(packed.whole, Y)
-    for found, mask in zip(NormalEquations.nested(packed, torque, block, 4, used), used, strict=True):
-        here = [mask & (block == b)[:, None] for b in range(4)]
-        np.testing.assert_allclose(found.normal, [np.einsum("nj,njp,njq->jpq", m, Y, Y) for m in here], atol=1e-12)
-        np.testing.assert_allclose(found.moment, [np.einsum("nj,njp,nj->jp", m, Y, torque) for m in here], atol=1e-12)
-        np.testing.assert_allclose(found.square, [(m * torque**2).sum(axis=0) for m in here], atol=1e-12)
-        np.testing.assert_array_equal(found.count, [m.sum(axis=0) for m in here])
+    found = NormalEquations.zero(4, 2, 5)
+    for half in (used & (np.arange(60) % 3 > 0)[:, None], used & (np.arange(60) % 3 == 0)[:, None]):
+        found.add(packed, torque, block, half)
     rows = Rows(1.0, np.zeros(60), Y, torque, torque, torque, block, block > 0)
-    alone = NormalEquations.of(rows, block, 4, used[1])
-    np.testing.assert_allclose(
-        alone.normal, NormalEquations.nested(packed, torque, block, 4, used)[1].normal, atol=1e-12
-    )
+    here = [used & (block == b)[:, None] for b in range(4)]
+    for sums in (found, NormalEquations.of(rows, block, 4, used)):
+        np.testing.assert_allclose(sums.normal, [np.einsum("nj,njp,njq->jpq", m, Y, Y) for m in here], atol=1e-12)
+        np.testing.assert_allclose(sums.moment, [np.einsum("nj,njp,nj->jp", m, Y, torque) for m in here], atol=1e-12)
+        np.testing.assert_allclose(sums.square, [(m * torque**2).sum(axis=0) for m in here], atol=1e-12)
+        np.testing.assert_array_equal(sums.count, [m.sum(axis=0) for m in here])

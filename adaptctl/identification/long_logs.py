@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
-from itertools import pairwise
+from functools import partial
+from itertools import accumulate, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -157,16 +158,18 @@ class Stretches:
         return self._found[delay]
 
     def _summed(self, delay: float) -> dict[tuple[float, float], NormalEquations]:
-        found: dict[tuple[float, float], NormalEquations] = {}
-        least = sorted(SLOW_CANDIDATES)
+        """Sums in which every row is added once, to those of the rows that are slow by no larger share."""
+        least, P = sorted(SLOW_CANDIDATES, reverse=True), len(self.mechanism.parameter_names)
+        empty = partial(NormalEquations.zero, len(self.edges), self.mechanism.dof, P)
+        parts = {cutoff: [empty() for _ in least] for cutoff in self.cutoffs}
         for rows, regressor in self._rows(delay):
-            used = [rows.used(slow * self.peaks) for slow in least]
-            block = blocks_of(rows, self.edges)
-            parts = NormalEquations.nested(regressor, rows.torque, block, len(self.edges), used)
-            for slow, part in zip(least, parts, strict=True):
-                key = rows.cutoff, slow
-                found[key] = found[key].plus(part) if key in found else part
-        return found
+            block, faster = blocks_of(rows, self.edges), np.zeros_like(rows.torque, dtype=np.bool_)
+            for slow, own in zip(least, parts[rows.cutoff], strict=True):
+                used = rows.used(slow * self.peaks)
+                own.add(regressor, rows.torque, block, used & ~faster)
+                faster = used
+        sums = ((cutoff, accumulate(own, NormalEquations.plus)) for cutoff, own in parts.items())
+        return {(cutoff, slow): part for cutoff, own in sums for slow, part in zip(least, own, strict=True)}
 
     def _rows(self, delay: float) -> Iterator[tuple[Rows, PackedRegressor]]:
         """Rows of stretches, whose regressors are packed, and these."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,24 +23,29 @@ class NormalEquations:
     count: Array
 
     @classmethod
-    def of(cls, rows: Rows, block: NDArray[np.int64], blocks: int, used: NDArray[np.bool_]) -> NormalEquations:
-        """Normal equations of those joints' rows that a mask (n, r) has, summed by the blocks that they belong to."""
-        return cls.nested(PackedRegressor.of(rows.regressor), rows.torque, block, blocks, [used])[0]
+    def zero(cls, blocks: int, joints: int, parameters: int) -> NormalEquations:
+        """Normal equations of no rows."""
+        moment, (square, count) = np.zeros((blocks, joints, parameters)), np.zeros((2, blocks, joints))
+        return cls(np.zeros((*moment.shape, parameters)), moment, square, count)
 
     @classmethod
-    def nested(
-        cls,
-        regressor: PackedRegressor,
-        torque: Array,
-        block: NDArray[np.int64],
-        blocks: int,
-        used: Sequence[NDArray[np.bool_]],
-    ) -> list[NormalEquations]:
-        """Likewise for each of several masks, each of which is within the one before: every row is summed once."""
-        bounds = [*used[1:], np.zeros_like(used[0])]
-        own = (here & ~later for here, later in zip(used, bounds, strict=True))
-        parts = [_summed(regressor, torque, block, blocks, mask) for mask in own]
-        return list(accumulate(parts[::-1], cls.plus))[::-1]
+    def of(cls, rows: Rows, block: NDArray[np.int64], blocks: int, used: NDArray[np.bool_]) -> NormalEquations:
+        """Normal equations of those joints' rows that a mask (n, r) has, summed by the blocks that they belong to."""
+        found = cls.zero(blocks, *rows.regressor.shape[1:])
+        found.add(PackedRegressor.of(rows.regressor), rows.torque, block, used)
+        return found
+
+    def add(self, regressor: PackedRegressor, torque: Array, block: NDArray[np.int64], used: NDArray[np.bool_]) -> None:
+        """Add those joints' rows that a mask (n, r) has, in place."""
+        for j in range(used.shape[1]):
+            columns, values = regressor.joint(j)
+            for b in np.unique(block[used[:, j]]).tolist():
+                rows = np.flatnonzero(used[:, j] & (block == b))
+                Y, tau = values[rows], torque[rows, j]
+                self.normal[b, j][np.ix_(columns, columns)] += Y.T @ Y
+                self.moment[b, j, columns] += Y.T @ tau
+                self.square[b, j] += tau @ tau
+                self.count[b, j] += len(rows)
 
     def over(self, blocks: NDArray[np.int64] | Sequence[int]) -> NormalEquations:
         """Normal equations of one block: the sums over some blocks."""
@@ -76,22 +80,6 @@ class NormalEquations:
         """Sums (r,) of squared torque residuals of parameters (P,)."""
         normal, moment = self.normal.sum(axis=0), self.moment.sum(axis=0)
         return np.maximum(self.square.sum(axis=0) - 2.0 * moment @ x + (normal @ x) @ x, 0.0)
-
-
-def _summed(
-    regressor: PackedRegressor, torque: Array, block: NDArray[np.int64], blocks: int, used: NDArray[np.bool_]
-) -> NormalEquations:
-    r, P = regressor.shape
-    normal, moment = np.zeros((blocks, r, P, P)), np.zeros((blocks, r, P))
-    square, count = np.zeros((2, blocks, r))
-    for j in range(r):
-        columns, values = regressor.joint(j)
-        for b in np.unique(block[used[:, j]]).tolist():
-            rows = np.flatnonzero(used[:, j] & (block == b))
-            Y, tau = values[rows], torque[rows, j]
-            normal[b, j][np.ix_(columns, columns)] = Y.T @ Y
-            moment[b, j, columns], square[b, j], count[b, j] = Y.T @ tau, tau @ tau, len(rows)
-    return NormalEquations(normal, moment, square, count)
 
 
 def block_edges(log: NDArray[np.int64], time: Array, count: int) -> list[tuple[int, float]]:
