@@ -187,7 +187,7 @@ def _is_in(name: str, column: Any) -> bool:
 
 def _parsed(path: str | Path, form: _Form, encoding: str, source: Any) -> tuple[Any, list[tuple[int, str]]]:
     """Columns of a file, and lines of another length with their numbers of cells."""
-    from pyarrow import ArrowInvalid
+    from pyarrow import ArrowInvalid, default_memory_pool
     from pyarrow.csv import ConvertOptions, ParseOptions, ReadOptions, read_csv
 
     odd: list[tuple[int, str]] = []
@@ -218,6 +218,7 @@ def _parsed(path: str | Path, form: _Form, encoding: str, source: Any) -> tuple[
                 f"{path}: no rows of numbers; expected a line of column names and one line per sample"
             ) from error
         raise FileError(f"{path}: not a text table ({printable(str(error).splitlines()[0])})") from error
+    default_memory_pool().release_unused()  # several times the numbers, of text that has been read
     return read, odd
 
 
