@@ -102,7 +102,10 @@ def _time(log: LogTable, drives: Drives, rate: float | None) -> Array:
 
 def _validate_counted(log: LogTable, drives: Drives, position: Array) -> None:
     """Refuse positions within one turn of a shaft that turns more often than its joint."""
-    steps, width = np.abs(np.diff(position, axis=0)), np.ptp(position, axis=0)
+    steps = np.abs(np.diff(position, axis=0))
+    if steps.max() <= 1.5 * np.pi:
+        return
+    width = np.ptp(position, axis=0)
     jumps = (steps.max(axis=0) > 1.5 * np.pi) & (np.median(steps, axis=0) < 0.25 * np.pi)
     jumps &= (width > 1.8 * np.pi) & (width <= 2.001 * np.pi)
     for i in np.flatnonzero(jumps & ((np.abs(drives.transmission) - np.eye(len(jumps))) != 0.0).any(axis=1)):

@@ -17,7 +17,7 @@ from adaptctl.description.joint import Joint
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identification.columns import JointLog
-from adaptctl.identification.preparation import MIN_GAP_PERIODS, PreparationStep, same_array
+from adaptctl.identification.preparation import MIN_GAP_PERIODS, PreparationStep, same_array, unwrapped
 from adaptctl.stages import stage
 
 # Step over the 99th percentile of a column's steps, and in rad (m), from where on no joint does it; samples after which
@@ -42,7 +42,7 @@ def checked_log(log: JointLog, mechanism: Mechanism) -> tuple[JointLog, list[Pre
     velocity = None if log.velocity is None else log.velocity.copy()
     filled: list[list[str]] = []
     for j, joint in enumerate(joints):
-        wrong, whole = _impossible(np.unwrap(position[:, j]) if turns[j] else position[:, j])
+        wrong, whole = _impossible(unwrapped(position[:, j]) if turns[j] else position[:, j])
         for column, values in ((position, whole), *([] if velocity is None else [(velocity, velocity[:, j])])):
             column[:, j] = np.where(wrong, _filled(log.time, values, wrong), column[:, j])
         spiked = _spiked(torque[:, j])

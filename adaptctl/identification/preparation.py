@@ -196,19 +196,28 @@ def _resampling(each: list[str], pieces: int) -> str:
 def _unwrapped(log: JointLog, mechanism: Mechanism) -> tuple[JointLog, int]:
     """Log with continuous angles within the robot's limits, and the number of jumps by full turns."""
     turns = np.array([joint.kind.is_revolute for joint in mechanism.primary_joints])
-    continued = np.where(turns, np.unwrap(log.position, axis=0), log.position)
-    jumps = np.abs(np.diff(continued - log.position, axis=0)) > 1.0
-    _validate_small_steps(log, continued, jumps, mechanism)
+    angles = log.position[:, turns]
+    continued, jumps = log.position, np.zeros((len(log) - 1, len(turns)), dtype=np.bool_)
+    if (found := unwrapped(angles)) is not angles:
+        continued = log.position.copy()
+        continued[:, turns] = found
+        jumps = np.abs(np.diff(continued - log.position, axis=0)) > 1.0
+        _validate_small_steps(log, continued, jumps, mechanism)
     whole = bool(turns.any()) and bool((log.position[:, turns] >= 0.0).all() and (log.position[:, turns] <= TURN).all())
-    if mechanism.description.loops is None:
-        wrapped = turns & (jumps.any(axis=0) | whole)
+    wrapped = turns & (jumps.any(axis=0) | whole)
+    if mechanism.description.loops is None and wrapped.any():
         continued = continued + TURN * np.where(wrapped, _turns_off(continued, mechanism), 0.0)
     return replace(log, position=same_array(log.position, continued)), int(jumps.sum())
 
 
+def unwrapped(angles: Array) -> Array:
+    """Angles (n, ...) without jumps by full turns; the same array where no step is of more than half a turn."""
+    return np.unwrap(angles, axis=0) if np.abs(np.diff(angles, axis=0)).max(initial=0.0) > np.pi else angles
+
+
 def same_array(before: Array, after: Array) -> Array:
     """The array as it was before, where it has not changed: long logs are not kept twice."""
-    return before if np.array_equal(before, after) else after
+    return before if before is after or np.array_equal(before, after) else after
 
 
 def _validate_small_steps(log: JointLog, continued: Array, jumps: NDArray[np.bool_], mechanism: Mechanism) -> None:
