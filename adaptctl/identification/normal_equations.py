@@ -49,7 +49,9 @@ class NormalEquations:
 
     def over(self, blocks: NDArray[np.int64] | Sequence[int]) -> NormalEquations:
         """Normal equations of one block: the sums over some blocks."""
-        return NormalEquations(*(part.sum(axis=0, keepdims=True) for part in self.chosen(blocks)._parts))
+        chosen = np.zeros(len(self.count))
+        chosen[np.asarray(blocks, dtype=np.int64)] = 1.0
+        return NormalEquations(*(np.tensordot(chosen, part, 1)[None] for part in self._parts))
 
     def chosen(self, blocks: NDArray[np.int64] | Sequence[int]) -> NormalEquations:
         """Normal equations of some blocks."""
@@ -62,10 +64,12 @@ class NormalEquations:
 
     def without(self, joints: Sequence[int]) -> NormalEquations:
         """Normal equations without those of some joints."""
+        if not joints:
+            return self
         kept = np.ones(self.square.shape[1])
         kept[list(joints)] = 0.0
         parts = (self.normal * kept[:, None, None], self.moment * kept[:, None], self.square * kept, self.count * kept)
-        return NormalEquations(*parts) if joints else self
+        return NormalEquations(*parts)
 
     @property
     def _parts(self) -> tuple[Array, Array, Array, Array]:
