@@ -829,8 +829,8 @@ LISTED: tuple[Listed, ...] = (
     Listed(
         "slides unwrapped like turns",
         "adaptctl/identification/preparation.py",
-        "np.where(turns, np.unwrap(log.position, axis=0), log.position)",
-        "np.unwrap(log.position, axis=0)",
+        "angles = log.position[:, turns]",
+        "turns = turns | True; angles = log.position[:, turns]",
         ("tests/test_identification_by_hand.py::test_turns_are_put_together_again_and_slides_are_left_where_they_are",),
     ),
     Listed(

@@ -25,7 +25,7 @@ SAMPLES_AT_ONCE = 256
 
 
 class PackedRegressor(NamedTuple):
-    """Those K entries of a regressor (n, r, P) that are not 0 by structure, joint by joint, and their places."""
+    """Regressor (n, r, P) as its K entries that are not 0 by structure, joint by joint, and their places."""
 
     values: Array
     entries: NDArray[np.intp]
