@@ -27,8 +27,9 @@ from adaptctl.recording.scene import WORLD, log_arm, log_base, log_surroundings,
 from adaptctl.recording.skeleton import Skeleton, Viewpoint, floor_height, skeleton
 from adaptctl.recording.stream import Curves, log_curves, of_joints
 
-# Time in s of samples that are drawn together.
-BATCH_TIME = 0.05
+# Time in s of samples that are drawn together, for a viewer and for a file: rerun keeps an entry in memory, for the
+# file's index, of all that was written together.
+BATCH_TIME, FILE_BATCH_TIME = 0.05, 2.0
 # Largest sample in bytes.
 MAX_SAMPLE_BYTES = 1 << 16
 
@@ -39,7 +40,7 @@ def main(descriptor: int, url: str) -> None:
     given = json.load(sys.stdin)
     mechanism = _mechanism(given["robot"])
     with socket.socket(fileno=descriptor) as samples:
-        rows = _Rows(samples, 1 + 3 * mechanism.dof)
+        rows = _Rows(samples, 1 + 3 * mechanism.dof, FILE_BATCH_TIME if _is_file(url) else BATCH_TIME)
         first = rows.next()
         if first is not None:
             recording, parts = _started(mechanism, url, first)
@@ -73,13 +74,13 @@ def _surroundings(boxes: Sequence[Any]) -> list[Visual]:
 class _Rows:
     """Samples (k, 1 + 3 r) as they come: time, positions, desired positions, torques."""
 
-    def __init__(self, samples: socket.socket, width: int) -> None:
-        self._samples, self._width, self._over = samples, width, False
+    def __init__(self, samples: socket.socket, width: int, batch_time: float = BATCH_TIME) -> None:
+        self._samples, self._width, self._batch_time, self._over = samples, width, batch_time, False
 
     def next(self) -> Array | None:
         """Numbers received within a short while; None at the end."""
         rows: list[Array] = []
-        deadline = time.monotonic() + BATCH_TIME
+        deadline = time.monotonic() + self._batch_time
         while not self._over and (not rows or time.monotonic() < deadline):
             self._samples.settimeout(max(deadline - time.monotonic(), 1e-3) if rows else None)
             try:
@@ -92,9 +93,13 @@ class _Rows:
         return np.stack(rows) if rows else None
 
 
+def _is_file(url: str) -> bool:
+    return url.endswith(".rrd")
+
+
 def _started(mechanism: Mechanism, url: str, first: Array) -> tuple[rr.RecordingStream, Skeleton]:
     recording = rr.RecordingStream("adaptctl-live", make_default=False)
-    recording.save(url) if url.endswith(".rrd") else recording.connect_grpc(url)
+    recording.save(url) if _is_file(url) else recording.connect_grpc(url)
     parts, r = skeleton(mechanism), mechanism.dof
     around = np.concatenate((first[:, 1 : 1 + r], first[:, 1 + r : 1 + 2 * r]))
     names = [("/error", "Tracking error [mrad or mm]"), ("/torque", "Torque [N·m or N]"), ("/position", "Position")]
