@@ -5,6 +5,8 @@ from __future__ import annotations
 import gc
 import os
 import signal
+import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,6 +22,14 @@ if TYPE_CHECKING:
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # Signs of life come after a second, which a busy machine takes for what a quiet one does at once.
 os.environ["ADAPTCTL_PROGRESS"] = "off"
+
+# Tests start hundreds of processes. Where Python may write no bytecode, each of them would compile all of its modules
+# again, which takes longer than most do else: a run keeps it to itself.
+if sys.dont_write_bytecode:
+    _bytecode = tempfile.TemporaryDirectory()
+    sys.dont_write_bytecode, sys.pycache_prefix = False, _bytecode.name
+    os.environ["PYTHONPYCACHEPREFIX"] = _bytecode.name
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 # `make test` draws the same cases each time, so that a red run is a change's own; `make search` draws others each time.
 settings.register_profile("same", deadline=None, derandomize=True, database=None, max_examples=40)
