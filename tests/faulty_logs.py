@@ -60,7 +60,7 @@ Change = Callable[..., Log | list[Log]]
 
 def limited(chain: Mechanism) -> Mechanism:
     """The chain with limits, which files have."""
-    links = [replace(link, joint=replace(link.joint, limits=Limits(-6.0, 6.0, 20.0, 500.0))) for link in chain.links]
+    links = [replace(link, joint=replace(link.joint, limits=Limits(-6.0, 6.0, 20.0, 5000.0))) for link in chain.links]
     return type(chain)(replace(chain.description, links=tuple(links)))
 
 
@@ -124,7 +124,8 @@ def spiked(values: Array) -> Array:
 
 def turned(log: Log) -> Log:
     """The log whose angles are between 0 and full turns of their own."""
-    return replace(log, position=np.mod(log.position, 2.0 * np.pi))
+    turns = [joint.kind.is_revolute for joint in log.truth.primary_joints]
+    return replace(log, position=np.where(turns, np.mod(log.position, 2.0 * np.pi), log.position))
 
 
 def clipped(log: Log) -> Log:
@@ -175,7 +176,7 @@ FAULTS: dict[str, tuple[Change, str]] = {
         "all columns of {two} and {three} are exchanged",
     ),
     "hung from the ceiling": (partial(pulled, gravity=(0.0, 0.0, 9.81)), r"gravity is along \(.*, 9.\d+\) m/s\^2"),
-    "zero of a joint": (partial(moved, by=-0.6), "{two} is at 3[345].* deg where its column has 0"),
+    "zero of a joint": (partial(moved, by=-0.6), "{two} is at (3[345].* deg|0\\.[56].* m) where its column has 0"),
     "scale of a torque": (partial(scaled, torque=0.05), r"column 'torque.{two}' is about 0.05\d* times the torque"),
     "mA for N m": (lambda log: replace(log, torque=1e4 * log.torque), "check the unit of torque"),
     "degrees for radians": (

@@ -164,6 +164,38 @@ def test_torques_over_those_of_the_file_are_told_and_those_of_another_gear_side_
     assert not judged(case, replace(case.log, torque=50.0 * case.log.torque)).other_side
 
 
+def test_friction_that_gives_way_before_it_slides_is_no_delay(case: Known) -> None:
+    """Dahl's friction, over 3 mrad after a reversal, is late at each joint by its own time."""
+    step = np.diff(case.log.position, axis=0, prepend=case.log.position[:1])
+    kept, slides = np.exp(-np.abs(step) / 3e-3), np.zeros_like(step)
+    for i in range(1, len(step)):
+        slides[i] = kept[i] * slides[i - 1] + (1.0 - kept[i]) * np.sign(step[i])
+    friction = 0.3 * np.sqrt(np.mean(case.log.torque**2, axis=0)) * slides
+    delay = delay_of(evidence_of(case.guess, case, case.log.torque + friction))
+    assert abs(delay.value) < 2.0 * delay.deviation < 4e-3
+
+
+def test_a_slide_that_a_turning_joint_carries_has_a_zero() -> None:
+    """As far as the slide is out, so far do links beyond it turn about the joint before."""
+    case = known(27, links=4, duration=10.0, rate=100.0, noise=0.01)
+    assert not case.truth.primary_joints[1].kind.is_revolute
+    said = judged(case, replace(case.log, position=case.log.position - [0.0, 0.5, 0.0, 0.0]))
+    words = r"joint1 is at 0.5\d* m where its column has 0: .*; add 0.5\d* m to its positions, or give joint_offsets in"
+    assert re.search(words, said.sentence or "")
+    assert said.refuses
+
+
+def test_a_spring_at_one_of_many_joints_is_named() -> None:
+    """The error is a mean over the joints: of four it falls by less than a third where the spring's falls by two."""
+    case = known(16, links=4, duration=10.0, rate=100.0, noise=0.01)
+    spring = 10.0 * np.outer(case.log.position[:, 2] - 0.3, np.arange(4) == 2)
+    verdict = judged(case, replace(case.log, torque=case.log.torque + spring))
+    assert "a spring is at joint2, of " in (verdict.sentence or "")
+    (named,) = [trial for trial in verdict.tried if trial.named]
+    assert 1.5**0.75 < verdict.tried[0].error / named.error < 1.5
+    assert not verdict.refuses
+
+
 def moved(case: Known) -> tuple[Array, Array, Array]:
     """Positions, velocities and accelerations of the log."""
     v = np.gradient(case.log.position, case.log.time, axis=0)

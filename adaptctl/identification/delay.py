@@ -18,7 +18,7 @@ from adaptctl.identification.uncertainty import INTERVAL, Student, inverse_curva
 from adaptctl.stages import stage
 
 # Delays that are told apart, in s and in sampling periods; deviations that must be less to tell them apart, and those
-# from 0 from which on one is beyond doubt: friction that lags is worth seven.
+# from 0 from which on one is beyond doubt: friction that grows with the load is worth some.
 LEAST_DELAY, LEAST_PERIODS, DETERMINED, SURE = 1e-3, 0.1, 3.0, 8.0
 # Friction beside which a delay is fitted: with less, that of the robot is taken for delay.
 FRICTION = SIMPLE_FRICTION.also((DriveParameter.SQUARE_ROOT, DriveParameter.STRIBECK))
@@ -116,7 +116,7 @@ def delay_of(evidence: LogEvidence, springs: tuple[DriveParameter, ...] = ()) ->
     for _ in range(ROUNDS):
         now = own.advanced(whole)
         fit = now.fit(_settings(own, springs), range(now.blocks))
-        found = estimated_delay(now, fit, inverse_curvature(now, fit)[0], Student(now.blocks))
+        found = estimated_delay(now, fit, inverse_curvature(now, fit)[0], Student(now.blocks), lags=True)
         before, whole = whole, float(np.clip(whole + found.value, -most, most))
         if abs(whole - before) < LAST_STEP:
             break
@@ -124,14 +124,15 @@ def delay_of(evidence: LogEvidence, springs: tuple[DriveParameter, ...] = ()) ->
     return Delay(whole, deviation, found.effect, least)
 
 
-def estimated_delay(evidence: LogEvidence, fit: Fit, inverse: Array, student: Student) -> Delay:
-    """Delay of all torques, along with the parameters; deviation by blocks or noise that lasts."""
+def estimated_delay(evidence: LogEvidence, fit: Fit, inverse: Array, student: Student, lags: bool = False) -> Delay:
+    """Delay of all torques, along with the parameters and lags of friction; deviation by blocks or noise that lasts."""
     # Measured rates have noise, which least squares on them takes for knowledge of the delay: too short, too sure. The
     # rates of the fit's own torques are their instrument.
     rows, used = evidence.rows[fit.settings.cutoff], evidence.counted(fit.settings)
     weight, predicted = used / fit.deviations**2, rows.regressor @ fit.x
+    columns, inverse = _with_lags(evidence, rows, weight, inverse) if lags else (rows.regressor, inverse)
     (effect, changed), (_, instrument) = (
-        _beside_parameters(rate, rows.regressor, weight, inverse) for rate in (rows.change, _rate(rows, predicted))
+        _beside_parameters(rate, columns, weight, inverse) for rate in (rows.change, _rate(rows, predicted))
     )
     error = predicted - rows.torque
     whole = float((weight * instrument * changed).sum())
@@ -145,6 +146,20 @@ def estimated_delay(evidence: LogEvidence, fit: Fit, inverse: Array, student: St
     each = zip(Y.T, left.T, strict=True)
     lasting = sum(lasting_covariance(own[:, None], e, share).item() for own, e in each)
     return Delay(value, float(np.sqrt(max(blocks, lasting))) / whole, effect)
+
+
+def _with_lags(evidence: LogEvidence, rows: Rows, weight: Array, inverse: Array) -> tuple[Array, Array]:
+    """Regressor (n, r, P + r) with the rates of each joint's Coulomb friction, and inverse curvature with them."""
+    # Friction that gives way before it slides is late at each joint by a time of its own, and no log is for that.
+    names = evidence.mechanism.parameter_names
+    own = [names.index(f"{joint.name}.{DriveParameter.COULOMB.value}") for joint in evidence.mechanism.primary_joints]
+    lags = np.stack([_rate(rows, rows.regressor[..., c]) for c in own], axis=-1)
+    weighted = (weight[..., None] * lags).reshape(-1, len(own))
+    across = rows.regressor.reshape(len(weighted), -1).T @ weighted
+    taken = inverse @ across
+    free = np.linalg.pinv(lags.reshape(weighted.shape).T @ weighted - across.T @ taken, hermitian=True)
+    whole = np.block([[inverse + taken @ free @ taken.T, -taken @ free], [-free @ taken.T, free]])
+    return np.concatenate([rows.regressor, lags], axis=-1), whole
 
 
 def _beside_parameters(rate: Array, Y: Array, weight: Array, inverse: Array) -> tuple[Array, Array]:

@@ -23,7 +23,8 @@ from adaptctl.identification.preparation import PreparationStep
 from adaptctl.stages import stage
 
 # Error as the log is over that of a hypothesis from which on this is named.
-MARGIN = 1.5
+# It is a mean of joints: a warning, of which a fault of one joint is enough, asks of more joints no more than of three.
+MARGIN, JOINTS = 1.5, 3
 # Error of another meaning over that of the log as it is, up to which the log does not tell the two apart.
 ALIKE = 1.05
 # Hypotheses, the best by least squares, of which the consistent estimate is made.
@@ -157,7 +158,7 @@ def _or_else(found: Sequence[_Trial], best: _Trial) -> str:
 
 def _tried(rows: HypothesisRows, delay: Delay, error: float) -> tuple[list[_Trial], int | None]:
     """Hypotheses as tried, and the index of the best one that takes a third of the error off."""
-    found, most = [], error / MARGIN
+    found, most = [], error
     for own in listed_hypotheses(rows, delay):
         with suppress(AdaptctlError, np.linalg.LinAlgError):
             equations = own.equations()
@@ -167,9 +168,14 @@ def _tried(rows: HypothesisRows, delay: Delay, error: float) -> tuple[list[_Tria
     best = None
     alike = np.round(20.0 * np.log([one.trial.error for one in found]))  # where least squares tells none, as listed
     for i in np.argsort(alike, kind="stable")[:MAX_CONTENDERS].tolist():
-        if found[i].trial.error > ALIKE * (most if best is not None else error):
+        if found[i].trial.error > ALIKE * most:
             break
         found[i] = found[i].consistent(rows)
-        if found[i].fits(most):
+        if found[i].fits(min(most, error / _margin(found[i].hypothesis, rows.evidence.mechanism.dof))):
             best, most = i, found[i].trial.error
     return found, best
+
+
+def _margin(hypothesis: Hypothesis, dof: int) -> float:
+    """Error as the log is over that of a hypothesis from which on this is named."""
+    return MARGIN if hypothesis.refuses else MARGIN ** min(1.0, JOINTS / dof)

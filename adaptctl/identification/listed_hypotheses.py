@@ -19,8 +19,10 @@ from adaptctl.identification.normal_equations import NormalEquations
 LEAST_SCALE, OCTAVES, SCALE_STEPS = 2.0, 10, 8
 # m/s^2, for a file without gravity; rounds of the search for a tilt.
 GRAVITY, TILT_ROUNDS = 9.81, 6
-# Rounds and step (rad) of the search for a joint's zero, and angle (rad) of a zero or a tilt that is no refusal.
-ZERO_ROUNDS, ANGLE_STEP, SMALL_ANGLE = 3, 1e-3, 0.2
+# Rounds and step (rad, m) of the search for a joint's zero, and angle (rad) of a zero or a tilt, and distance (m) of a
+# zero, that are no refusal; quarter turns.
+ZERO_ROUNDS, ZERO_STEP, SMALL_ANGLE, SMALL_SHIFT = 3, 1e-3, 0.2, 0.1
+QUARTERS = (0.5 * np.pi, np.pi, -0.5 * np.pi)
 SPRING, COUNTERBALANCE, DELAY = "a spring", "a counterbalance", "delay of the torques"
 
 
@@ -111,31 +113,32 @@ def _swaps(rows: HypothesisRows) -> Iterator[Hypothesis]:
 
 
 def _zeros(rows: HypothesisRows) -> Iterator[Hypothesis]:
-    """Positions of a joint that are off, by quarter turns or by the angle at which least squares fits best."""
+    """Positions of a joint that are off, by quarter turns or by the value at which least squares fits best."""
     joints = rows.evidence.mechanism.primary_joints
     for j, joint in enumerate(joints):
-        one = np.eye(len(joints))[j]
-        for angle in (0.5 * np.pi, np.pi, -0.5 * np.pi, _zero(rows, one)) if joint.kind.is_revolute else ():
-            degrees = f"{np.degrees(angle):.3g} deg"
+        one, turns = np.eye(len(joints))[j], joint.kind.is_revolute
+        for shift in (*(QUARTERS if turns else ()), _zero(rows, one)):
+            told = f"{np.degrees(shift):.3g} deg" if turns else f"{shift:.3g} m"
+            added, offsets = (f"{shift:.4g} rad ({told})", "_deg") if turns else (f"{shift:.4g} m", "")
             yield Hypothesis(
                 "zero of a joint",
-                f"{joint.name} is at {degrees} where its column has 0",
-                f"add {angle:.4g} rad ({degrees}) to its positions, or give joint_offsets_deg in a drives file",
-                partial(_shifted, rows, angle * one),
-                refuses=abs(angle) > SMALL_ANGLE,
+                f"{joint.name} is at {told} where its column has 0",
+                f"add {added} to its positions, or give joint_offsets{offsets} in a drives file",
+                partial(_shifted, rows, shift * one),
+                refuses=abs(shift) > (SMALL_ANGLE if turns else SMALL_SHIFT),
             )
 
 
 def _zero(rows: HypothesisRows, joint: Array) -> float:
-    """Angle (rad) that a joint is off by, near 0, by Gauss-Newton steps of least squares."""
-    angle = 0.0
+    """Angle (rad) or distance (m) that a joint is off by, near 0, by Gauss-Newton steps of least squares."""
+    shift = 0.0
     for _ in range(ZERO_ROUNDS):
-        Y, near = (_moved(rows, np.eye(len(joint)), a * joint) for a in (angle, angle + ANGLE_STEP))
+        Y, near = (_moved(rows, np.eye(len(joint)), a * joint) for a in (shift, shift + ZERO_STEP))
         x, _ = rows.least(rows.sums(Y, rows.rows.torque))
-        column = ((near - Y) @ x)[..., None] / ANGLE_STEP
+        column = ((near - Y) @ x)[..., None] / ZERO_STEP
         equations = rows.sums(np.concatenate([Y, column], axis=-1), rows.rows.torque)
-        angle += float(np.clip(rows.least(equations)[0][-1], -0.5, 0.5))
-    return angle
+        shift += float(np.clip(rows.least(equations)[0][-1], -0.5, 0.5))
+    return shift
 
 
 def _shifted(rows: HypothesisRows, shift: Array) -> NormalEquations:
