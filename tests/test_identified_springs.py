@@ -15,12 +15,16 @@ from adaptctl.identification.choice import choose
 from adaptctl.identification.fit import FitSettings
 from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.gathering import gathered
+from adaptctl.identification.hypotheses import AS_IS, LogMeaning, TriedHypothesis
 from adaptctl.identification.identify import identified
-from adaptctl.identification.springs import known_springs, with_springs, with_untold_springs
+from adaptctl.identification.listed_hypotheses import SPRING
+from adaptctl.identification.preparation import PreparationStep
+from adaptctl.identification.springs import known_springs, left_out, with_springs, with_untold_springs
 from adaptctl.identification.uncertainty import uncertainty
 from adaptctl.identification.validation import validate_plausible
 
 STIFFNESS, REST = 40.0, 0.3
+STEP = PreparationStep("", "")
 NAMED = FrictionModel.named("viscous,coulomb,offset,stiffness,sine,cosine")
 
 
@@ -100,3 +104,24 @@ def test_a_spring_that_has_most_of_the_torque_is_not_another_robot(case: Known) 
     with pytest.raises(InputError, match="do not explain"):
         validate_plausible(evidence, "log", 8.75)
     validate_plausible(evidence, "log", 8.75, known_springs(case.guess, NAMED))
+
+
+def test_a_spring_that_no_fit_may_have_is_named_where_the_log_is_refused(case: Known) -> None:
+    torque = case.log.torque.copy()
+    torque[:, 1] += 3000.0 * case.log.position[:, 1]
+    stiff = replace(case.log, torque=torque)
+    friction = FrictionModel.named("viscous,coulomb")
+    with pytest.raises(InputError, match=r"a spring is at joint1, of 3.*; --friction .*; .* do not explain"):
+        identified(case.guess, case.drives, [stiff], [stiff], friction=friction, cutoff=8.75, prior_weight=1.0)
+
+
+def test_springs_that_nobody_expects_are_not_told_as_untold(case: Known) -> None:
+    right, sprung = (
+        LogMeaning((TriedHypothesis(kind, "", 0.1, named=True),), None, False, STEP, False, STEP)
+        for kind in (AS_IS, SPRING)
+    )
+    settings = FitSettings(NAMED, 1.0, 8.75, untold=("joint1.stiffness", "joint2.coulomb"))
+    stiffness = (DriveParameter.STIFFNESS,)
+    told = [list(left_out(settings, *given)) for given in (((), right), ((), sprung), (stiffness, right))]
+    assert [len(words) for words in told] == [0, 1, 1]
+    assert told[1][0].startswith("joint1: the log does not tell stiffness")

@@ -130,8 +130,8 @@ def prior_links(mechanism: Mechanism) -> tuple[Array, list[str]]:
         spread = _spread_enough(ten)
         if not np.array_equal(spread, ten):
             remarks.append(
-                f"{link.name}: its inertia in the robot file is not physically consistent; increased to that of a ball "
-                "of aluminium of its mass"
+                f"{link.name}: its inertia in the robot file is not physically consistent, or far denser than metal; "
+                "increased to that of a ball of aluminium of its mass"
             )
         tens.append(spread)
     return np.stack(tens), remarks

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,9 +12,10 @@ from adaptctl.arrays import Array, positive_number
 from adaptctl.control.adaptation import PriorRanges
 from adaptctl.description.drive import Drive, DriveParameter
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.errors import InputError, shown
+from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.identifiability.factorisation import one_thread
+from adaptctl.identification.arguments import file_paths, validate_different, validate_settings
 from adaptctl.identification.choice import Choice, choose, judged_at, misfit_ratio
 from adaptctl.identification.columns import JointLog, joint_columns, joint_log
 from adaptctl.identification.contradictions import contradictions, excess_misfit
@@ -28,12 +29,26 @@ from adaptctl.identification.hypotheses import compared_hypotheses, validate_mea
 from adaptctl.identification.identification import Identification
 from adaptctl.identification.instruments import without_position_noise
 from adaptctl.identification.lasting_errors import with_lasting_errors
-from adaptctl.identification.log_checks import checked_log, dead_joints, faults_told, still_joints, still_words
+from adaptctl.identification.log_checks import (
+    checked_log,
+    dead_joints,
+    found_faults,
+    still_joints,
+    still_words,
+    told_first,
+)
 from adaptctl.identification.log_files import read_log
 from adaptctl.identification.own_gravity import validate_not_added, with_own_gravity
 from adaptctl.identification.payloads import with_unknown_payloads
 from adaptctl.identification.preparation import PreparationStep
-from adaptctl.identification.springs import is_answered, known_springs, left_out, with_springs, with_untold_springs
+from adaptctl.identification.springs import (
+    is_answered,
+    known_springs,
+    left_out,
+    spring_kinds,
+    with_springs,
+    with_untold_springs,
+)
 from adaptctl.identification.taking import with_instants
 from adaptctl.identification.torque_constants import Completion, completed, is_complete, with_constants
 from adaptctl.identification.uncertainty import combinations, essential_components, uncertainty
@@ -156,18 +171,18 @@ def identify(
     >>> found.validation.relative_error < 0.01
     True
     """
-    given = _paths(logs)
+    given = file_paths(logs)
     if not given:
         raise InputError("logs: expected at least one log")
-    _validate_different(given, _paths(validate))
+    validate_different(given, file_paths(validate))
     if drives is not None and (columns or units):
         raise InputError(f"columns, units: expected none, because the drives specify them, got {columns or units!r}")
     if sample_rate is not None:
         positive_number(sample_rate, "sample_rate: expected a positive number of Hz")
-    _validate_settings(cutoff, prior_weight)
+    validate_settings(cutoff, prior_weight)
     mechanism = load(robot) if not isinstance(robot, Mechanism) else robot
     known = read_drives(drives) if isinstance(drives, str | Path) else drives
-    tables = [[read_log(path, topic) for path in paths] for paths in (given, _paths(validate))]
+    tables = [[read_log(path, topic) for path in paths] for paths in (given, file_paths(validate))]
     if known is None:
         known = joint_columns(mechanism, tables[0][0], columns, units, sample_rate is None)
     turned = with_unknown_payloads(known.ordered_like(mechanism), given, payloads, payload_mass, payload_after)
@@ -191,36 +206,6 @@ def identify(
     )
 
 
-def _paths(given: str | Path | Sequence[str | Path]) -> list[str | Path]:
-    if isinstance(given, str | Path):
-        return [given]
-    if not isinstance(given, Iterable):
-        raise InputError(f"logs: expected files, got {shown(given)}")
-    each = list(given)
-    if wrong := [one for one in each if not isinstance(one, str | Path)]:
-        raise InputError(f"logs: expected files, got {shown(wrong[0])}")
-    return each
-
-
-def _validate_different(logs: Sequence[str | Path], others: Sequence[str | Path]) -> None:
-    fitted = [Path(log).resolve() for log in logs]
-    judged = [Path(log).resolve() for log in others]
-    for what, given, places in (("logs", logs, fitted), ("validate", others, judged)):
-        for i, place in enumerate(places):
-            if place in places[:i]:
-                raise InputError(f"{what}: {given[i]} is given twice")
-    for other, place in zip(others, judged, strict=True):
-        if place in fitted:
-            raise InputError(f"validate: {other} is also used for the fit; give another log, or none")
-
-
-def _validate_settings(cutoff: float | None, weight: float | None) -> None:
-    if cutoff is not None:
-        positive_number(cutoff, "cutoff: expected a positive number of Hz")
-    if weight is not None:
-        positive_number(weight, "prior_weight: expected a positive number")
-
-
 def identified(
     mechanism: Mechanism,
     drives: Drives,
@@ -235,11 +220,11 @@ def identified(
     trust_log: bool = False,
 ) -> Identification:
     """Identification from logs that have been read."""
-    _validate_settings(cutoff, prior_weight)
+    validate_settings(cutoff, prior_weight)
     checks = [checked_log(log, mechanism) for log in (*train, *test)]
     facts = tuple(dict.fromkeys(fact for _, own in checks for fact in own))
     checked = [log for log, _ in checks]
-    with faults_told((*train, *test), checked):
+    with told_first(found_faults((*train, *test), checked)):
         return _of_checked(
             mechanism,
             drives,
@@ -286,7 +271,8 @@ def _of_checked(
     delay = delay_of(training, springs)
     meaning = compared_hypotheses(measured, delay, () if late else judged.motions, springs)
     doubts = validate_meaning(meaning, trust_log, dead_joints((*train, *test), mechanism))
-    validate_plausible(training, train[0].source, judged_at(training), springs)
+    with told_first(doubts):
+        validate_plausible(training, train[0].source, judged_at(training), spring_kinds(mechanism))
     training, judged, delayed, late_torques = without_delay(delay, training, judged, springs)
     still = still_joints(train, mechanism)
     choice = choose(training, friction, prior_weight, cutoff, unmoved_terms(training.mechanism, still))
@@ -296,7 +282,7 @@ def _of_checked(
     held_out = HeldOut(judged, origin, *cutoffs, choice.settings.left_out)
     read = dict.fromkeys(note for log in (*train, *test) for note in log.notes)
     geared = [f"{meaning.slopes.name}: {meaning.slopes.outcome}"] if meaning.other_side else []
-    untold = left_out(choice.settings.untold, choice.settings.friction)
+    untold = left_out(choice.settings, springs, meaning)
     doubts = () if is_answered(meaning, choice.settings.friction, bool(late_torques)) else doubts
     excess = excess_misfit(training, fit, held_out)
     notes = (

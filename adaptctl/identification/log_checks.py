@@ -58,13 +58,17 @@ def checked_log(log: JointLog, mechanism: Mechanism) -> tuple[JointLog, list[Pre
     return checked, list(_facts(checked, mechanism))
 
 
+def found_faults(logs: Sequence[JointLog], checked: Sequence[JointLog]) -> list[str]:
+    """Sentences on the faults that the checks of logs have found."""
+    return [note for log, own in zip(logs, checked, strict=True) for note in own.notes[len(log.notes) :]]
+
+
 @contextmanager
-def faults_told(logs: Sequence[JointLog], checked: Sequence[JointLog]) -> Iterator[None]:
-    """Let the refusal of logs begin with the faults that their checks have found, as these lead to it."""
+def told_first(faults: Sequence[str]) -> Iterator[None]:
+    """Let a refusal begin with the faults that were found before, as these lead to it."""
     try:
         yield
     except InputError as error:
-        faults = [note for log, own in zip(logs, checked, strict=True) for note in own.notes[len(log.notes) :]]
         if not faults:
             raise
         raise InputError("; ".join([*faults, str(error)])) from error

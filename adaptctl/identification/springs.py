@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -144,15 +144,24 @@ def validate_told(friction: FrictionModel, mechanism: Mechanism, untold: tuple[s
 
 def is_answered(meaning: LogMeaning, friction: FrictionModel, freed: bool) -> bool:
     """True if the hypothesis that a log names is a spring that the model has, or a delay that it was freed of."""
-    named = {one.kind for one in meaning.tried if one.named}
-    return bool({ANSWERS.get(kind) for kind in named} & set(friction.kinds)) or (freed and DELAY in named)
+    return bool(_named_springs(meaning) & set(friction.kinds)) or (freed and DELAY in _named(meaning))
 
 
-def left_out(untold: tuple[str, ...], friction: FrictionModel) -> Iterator[str]:
-    """Sentences on springs that were asked for, or chosen, and have no estimate."""
-    for name in untold:
+def _named_springs(meaning: LogMeaning) -> set[DriveParameter]:
+    """Kinds of springs that a log names."""
+    return {ANSWERS[kind] for kind in _named(meaning) if kind in ANSWERS}
+
+
+def _named(meaning: LogMeaning) -> set[str]:
+    return {one.kind for one in meaning.tried if one.named}
+
+
+def left_out(settings: FitSettings, known: Collection[DriveParameter], meaning: LogMeaning) -> Iterator[str]:
+    """Sentences on kinds of springs that are known or that a log names, and have no estimate at some joint."""
+    expected = {*known, *_named_springs(meaning)} & set(settings.friction.kinds)
+    for name in settings.untold:
         joint, kind = name.rsplit(".", 1)
-        if DriveParameter(kind).is_spring and DriveParameter(kind) in friction.kinds:
+        if DriveParameter(kind) in expected:
             yield (
                 f"{joint}: the log does not tell {kind} from the gravity of links and other terms, so it has none; "
                 "a wider range of the joint's motion may"
