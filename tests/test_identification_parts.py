@@ -246,6 +246,10 @@ def test_impossible_samples_are_jumps_that_come_back() -> None:
     stepped = smooth + (np.arange(400) >= 100)
     assert not _impossible(stepped)[0].any()
     assert not _impossible(smooth)[0].any()
+    kept = np.r_[0:100, 108:400]
+    swing = np.sin(0.05 * kept + 0.75)
+    assert _impossible(swing)[0].any()
+    assert not _impossible(swing, np.diff(kept).astype(np.float64))[0].any()
     torque = np.sin(0.05 * np.arange(400))
     torque[200] += 1.5
     assert np.flatnonzero(_spiked(torque)).tolist() == [200]

@@ -51,6 +51,16 @@ def numpy_text() -> str:
     return "\n".join("  ".join(row) for row in ROWS) + "\n"
 
 
+def grouped(thousands: str, decimal: str, mark: str, quote: str = "") -> str:
+    """The log in ms and mN m, with marks between thousands."""
+    rows = np.column_stack([1e3 * T, Q, V, 1e3 * TAU])
+    to = str.maketrans({",": thousands, ".": decimal})
+    return lines(
+        [[f"{quote}{f'{x:,.9f}'.translate(to)}{quote}" for x in row] for row in rows], ["time", *HEAD], mark=mark
+    )
+
+
+THOUSANDS = {"time": "ms", "torque": "mN m"}
 BY_NUMBER = {"time": "1", "position": "2-3", "velocity": "4,5", "torque": "6-7"}
 FORMS: dict[str, tuple[str, dict[str, Any], str]] = {
     "plain": (lines(ROWS, ["time", *HEAD]), {}, ""),
@@ -100,6 +110,13 @@ FORMS: dict[str, tuple[str, dict[str, Any], str]] = {
         {},
         "",
     ),
+    "thousands by commas, quoted": (grouped(",", ".", ",", '"'), THOUSANDS, ""),
+    "thousands by points, quoted": (grouped(".", ",", ",", '"'), THOUSANDS, ""),
+    "thousands by commas": (grouped(",", ".", "\t"), THOUSANDS, ""),
+    "thousands by blanks": (grouped(" ", ",", ";"), THOUSANDS, ""),
+    "thousands by narrow blanks": (grouped("\u202f", ",", "\t"), THOUSANDS, ""),
+    "thousands by points": (grouped(".", ",", ";"), THOUSANDS, ""),
+    "thousands by apostrophes": (grouped("'", ".", ";"), THOUSANDS, ""),
     "marks at the ends of rows": (lines([[*row, ""] for row in ROWS], ["time", *HEAD]), {}, ""),
     "quoted": (lines([[f'"{x}"' for x in row] for row in ROWS], [f'"{x}"' for x in ("time", *HEAD)]), {}, ""),
     "ns since 1970": (lines(stamps(lambda ns: [str(EPOCH * 10**9 + ns)]), ["time", *HEAD]), {"time": "ns"}, ""),
@@ -136,6 +153,22 @@ def test_a_text_log_gives_the_numbers_of_the_clean_one(name: str, tmp_path: Path
     for own, right in ((found.position, Q), (found.velocity, V), (found.torque, TAU)):
         np.testing.assert_allclose(own, right, atol=1e-8)
     assert [note in one for one in found.notes] == ([True] if note else [])
+
+
+def test_a_mark_that_may_be_between_thousands_or_before_decimals_is_refused(tmp_path: Path) -> None:
+    rows = [[*row[:-1], f"{1.0 + i / 1000:.3f}".replace(".", ",")] for i, row in enumerate(ROWS)]
+    (tmp_path / "log.csv").write_text(lines(rows, ["time", *HEAD], mark=";"))
+    with pytest.raises(FileError, match=r"effort\.j1.* 400 of 400 rows not finite, .* its first text is '1,000'"):
+        joint_log_of(tmp_path / "log.csv")
+
+
+@pytest.mark.parametrize("cell", ["nan", "NaN", "#N/A"])
+def test_a_cell_that_is_not_a_number_is_an_empty_one(cell: str, tmp_path: Path) -> None:
+    rows = [[*row[:-1], cell] if i == 9 else row for i, row in enumerate(ROWS)]
+    (tmp_path / "log.csv").write_text(lines(rows, ["time", *HEAD]))
+    found = joint_log_of(tmp_path / "log.csv")
+    np.testing.assert_allclose(found.torque[9, 1], 0.5 * (TAU[8, 1] + TAU[10, 1]), rtol=1e-6)
+    assert found.notes[0].endswith("1 empty cells were filled by straight lines between the numbers around them")
 
 
 def test_latin_1_is_read_and_its_units(tmp_path: Path) -> None:

@@ -41,8 +41,9 @@ def checked_log(log: JointLog, mechanism: Mechanism) -> tuple[JointLog, list[Pre
     position, torque = log.position.copy(), log.torque.copy()
     velocity = None if log.velocity is None else log.velocity.copy()
     filled: list[list[str]] = []
+    periods = np.maximum(np.diff(log.time) / np.median(np.diff(log.time)), 1.0)
     for j, joint in enumerate(joints):
-        wrong, whole = _impossible(unwrapped(position[:, j]) if turns[j] else position[:, j])
+        wrong, whole = _impossible(unwrapped(position[:, j]) if turns[j] else position[:, j], periods)
         for column, values in ((position, whole), *([] if velocity is None else [(velocity, velocity[:, j])])):
             column[:, j] = np.where(wrong, _filled(log.time, values, wrong), column[:, j])
         spiked = _spiked(torque[:, j])
@@ -108,9 +109,9 @@ def _filled_words(log: JointLog, joint: Joint, what: str, wrong: NDArray[np.bool
     return [f"joint {joint.name!r} has {count} {what}, {where}; filled from their neighbours"] if count else []
 
 
-def _impossible(values: Array) -> tuple[NDArray[np.bool_], Array]:
-    """Mask (n,) of the short runs that a column jumps to and back from, and the column."""
-    steps = np.abs(np.diff(values))
+def _impossible(values: Array, periods: Array | float = 1.0) -> tuple[NDArray[np.bool_], Array]:
+    """Mask (n,) of the short runs that a column jumps to and back from, and the column; steps are those of a period."""
+    steps = np.abs(np.diff(values)) / periods
     most = max(JUMP_RATIO * float(np.percentile(steps, 99.0)), LEAST_JUMP)
     jumps, wrong = np.flatnonzero(steps > most) + 1, np.zeros(len(values), dtype=np.bool_)
     for start in jumps.tolist():

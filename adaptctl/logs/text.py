@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import codecs
+import csv
 import math
 import re
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
@@ -28,7 +30,12 @@ DATE = re.compile(r"\d{4}-\d\d-\d\d([ T]\d\d:\d\d(:\d\d([.,]\d+)?)?)?(Z|[+-]\d\d
 CLOCK = re.compile(r"\d\d:\d\d:\d\d([.,]\d+)?$")
 COMMENT = re.compile(r"\s*(#|//|%(?=\s))")
 CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f]")
-EMPTY = ("", "NA", "N/A", "null", "None")
+GROUPED = re.compile(
+    r"[+-]?[1-9]\d{0,2}(?P<group>[.,'\u2019 \u00a0\u202f])\d{3}(?:(?P=group)\d{3})*"
+    r"(?:(?!(?P=group))(?P<decimal>[.,])\d*(?:[eE][+-]?\d+)?)?$"
+)
+"""number with marks between thousands"""
+EMPTY = ("", "NA", "N/A", "#N/A", "null", "NULL", "None", "none", "nan", "NaN", "NAN", "-nan", "-NaN")
 
 
 @dataclass(frozen=True)
@@ -59,7 +66,7 @@ def read_delimited(path: str | Path) -> LogTable:
         raise FileError(f"{path}: cannot be read ({(error.strerror or str(error)).lower()})") from error
     validate_size(path, read.num_rows, read.num_columns)
     names = form.names or [str(i + 1) for i in range(read.num_columns)]
-    found = [_column(name, read.column(i)) for i, name in enumerate(names)]
+    found = [_column(name, read.column(i), form.decimal) for i, name in enumerate(names)]
     units = form.units | {one.name: one.unit for one in found if one.unit}
     empty = {one.name: one.empty for one in found if one.empty is not None}
     begin = {one.name: one.begin for one in found if one.begin}
@@ -88,12 +95,15 @@ def _lines(sample: bytes, encoding: str) -> list[str]:
 
 def cells(line: str, mark: str) -> list[str]:
     """Cells of a line without blanks and quotation marks around them."""
-    parts = line.split() if mark == " " else line.split(mark)
+    parts = re.split(r"[ \t]+", line.strip()) if mark == " " else line.split(mark)
+    if mark != " " and '"' in line:
+        with suppress(csv.Error):  # of cells beyond any number's length
+            parts = next(csv.reader([line], delimiter=mark), [])
     return [part.strip().strip("\"'").strip() for part in parts]
 
 
 def _is_number(cell: str) -> bool:
-    return NUMBER.match(cell) is not None or DATE.match(cell) is not None or CLOCK.match(cell) is not None
+    return any(form.match(cell) for form in (NUMBER, DATE, CLOCK, GROUPED))
 
 
 def _mark(lines: list[str]) -> str:
@@ -130,19 +140,31 @@ def _form(lines: list[str], path: str | Path) -> _Form:
         raise FileError(
             f"{path}: not a text table (line {line + 1} has {told} names, and line {first + 1} {width} numbers)"
         )
-    body = "\n".join(lines[first : first + 5000])
-    commas = mark != "," and re.search(r"\d,\d", body) is not None and not _has_points(lines[first:], mark)
+    decimal = _decimal([cell for line in lines[first : first + 5000] for cell in cells(line, mark)])
     names = named[-1][1] if named else None
     names = None if names is None else [name or f"({i + 1})" for i, name in enumerate(names)]
     own = {} if names is None or units is None else {n: u for n, u in zip(names, units, strict=False) if u}
     notes = () if units is None else ("the line after the names was read as units",)
     lead = tuple(line.strip() for line in before if line.strip())
-    return _Form(mark, "," if commas else ".", first, names, own, width, notes, lead)
+    return _Form(mark, decimal, first, names, own, width, notes, lead)
 
 
-def _has_points(lines: list[str], mark: str) -> bool:
-    """True if a number has a point before its decimals."""
-    return any(re.search(r"\d\.\d", cell) and NUMBER.match(cell) for line in lines[:5000] for cell in cells(line, mark))
+def _decimal(given: list[str]) -> str:
+    """Mark before decimals: that after thousands, if any, else a comma where no number has a point."""
+    told = next(filter(None, map(_after_thousands, given)), None)
+    if told is not None:
+        return told
+    commas = any(re.search(r"\d,\d", cell) for cell in given)
+    points = commas and any(re.search(r"\d\.\d", cell) and NUMBER.match(cell) for cell in given)
+    return "," if commas and not points else "."
+
+
+def _after_thousands(cell: str) -> str | None:
+    """Decimal mark that a number with marks between thousands tells, None if it does not."""
+    found = GROUPED.match(cell)
+    if found is None or found["decimal"] or found["group"] not in ".," or cell.count(found["group"]) < 2:
+        return found and found["decimal"]
+    return "," if found["group"] == "." else "."
 
 
 def _is_row(line: str, mark: str) -> bool:
@@ -274,24 +296,25 @@ def _place(path: str | Path, form: _Form, encoding: str, text: str) -> tuple[int
     return number, number != "?"
 
 
-def _column(name: str, column: Any) -> LogColumn:
+def _column(name: str, column: Any, decimal: str) -> LogColumn:
     """Column of numbers, dates or times of day; NaN where a cell is text."""
     import pyarrow as pa
 
     if pa.types.is_time(column.type):
         column = column.cast(pa.string())
     found = next(numbers(name, column), None)
-    return _texts(name, column) if found is None else found
+    return _texts(name, column, decimal) if found is None else found
 
 
-def _texts(name: str, column: Any) -> LogColumn:
+def _texts(name: str, column: Any, decimal: str) -> LogColumn:
     """Column of texts: times of day in s, or the numbers among them."""
     mask = ~np.asarray(column.combine_chunks().is_valid())
     empty = mask if mask.any() else None
     given = [str(cell) for cell in column.drop_null().to_pylist()]
     is_clock = bool(given) and all(map(CLOCK.match, given))
     values, word = np.full(len(column), np.nan), None
-    each = [_clock(cell) if is_clock else _number(cell) for cell in given]
+    groups = _groups(given, decimal)
+    each = [_clock(cell) if is_clock else _number(cell, groups, decimal) for cell in given]
     values[~mask] = each
     if not is_clock:
         word = next((cell for cell, value in zip(given, each, strict=True) if math.isnan(value)), None)
@@ -303,8 +326,17 @@ def _clock(cell: str) -> float:
     return 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds)
 
 
-def _number(cell: str) -> float:
+def _groups(given: list[str], decimal: str) -> str:
+    """Mark between thousands of a column; none where it may be that before decimals."""
+    found = [m for cell in given if (m := GROUPED.match(cell)) and m["group"] != decimal]
+    sure = any(m["decimal"] or m["group"] not in ".," or m[0].count(m["group"]) > 1 for m in found)
+    marks = {m["group"] for m in found}
+    return marks.pop() if sure and len(marks) == 1 else ""
+
+
+def _number(cell: str, groups: str, decimal: str) -> float:
     try:
-        return float(cell)
+        whole = cell.replace(groups, "") if groups and GROUPED.match(cell) else cell
+        return float(whole if decimal == "." else whole.replace(".", "?").replace(decimal, "."))
     except ValueError:
         return math.nan
