@@ -21,6 +21,7 @@ from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.gathering import gathered
 from adaptctl.identification.least_squares import weighted_least_squares
 from adaptctl.identification.log_files import read_log
+from adaptctl.identification.momentum_balance import MomentumBalance
 from adaptctl.identification.preparation import DIFFERENCE_MARGIN
 from adaptctl.recording.page import SHEU_WALKER, Report, Section, Table
 from adaptctl.recording.result import Fact, Progress, silent
@@ -148,7 +149,9 @@ def _model(evidence: LogEvidence) -> Array:
 
 def _with_torques(evidence: LogEvidence, torque: Array) -> LogEvidence:
     motions = [replace(motion, log=replace(motion.log, torque=torque)) for motion in evidence.motions]
-    rows = dict(zip(evidence.rows, rows_of(motions, evidence.mechanism, list(evidence.rows)), strict=True))
+    rows = dict(
+        zip(evidence.rows, rows_of(motions, MomentumBalance(evidence.mechanism), list(evidence.rows)), strict=True)
+    )
     return replace(evidence, motions=motions, rows=rows)
 
 

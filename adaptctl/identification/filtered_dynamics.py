@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from scipy.signal import welch
 
 from adaptctl.arrays import Array
-from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identification.momentum_balance import MomentumBalance, PackedRegressor
 from adaptctl.identification.preparation import DIFFERENCE_MARGIN, PreparedLog, derivative, filtered, low_pass, padded
@@ -203,9 +202,8 @@ class RowFilter:
         return motion.first + motion.every * (self.taps // 2 + self.every * np.arange(count))
 
 
-def rows_of(motions: Sequence[SmoothMotion], mechanism: Mechanism, cutoffs: Sequence[float]) -> list[Rows]:
+def rows_of(motions: Sequence[SmoothMotion], balance: MomentumBalance, cutoffs: Sequence[float]) -> list[Rows]:
     """Rows of several logs, one after the other, for each cut-off."""
-    balance = MomentumBalance(mechanism)
     each = [motion.filtered_rows(balance, [RowFilter.of(motion, c) for c in cutoffs]) for motion in motions]
     return [Rows.joined(parts) for parts in zip(*each, strict=True)]
 

@@ -29,6 +29,7 @@ from adaptctl.identification.filtered_dynamics import (
 from adaptctl.identification.fit import LogEvidence, positive_columns
 from adaptctl.identification.friction_model import with_all_friction
 from adaptctl.identification.long_logs import LongEvidence, Stretches
+from adaptctl.identification.momentum_balance import MomentumBalance
 from adaptctl.identification.normal_equations import block_edges
 from adaptctl.identification.payloads import without_payloads
 from adaptctl.identification.preparation import PreparationStep, PreparedLog, prepare
@@ -70,7 +71,8 @@ def gathered(
         stretches.validate(cutoff)
     long = stretches.are_long and not drives.payloads and not np.isnan(drives.constants).any()
     motions = stretches.windows() if long else list(motions_of(pieces, smooth))
-    rows = dict(zip(tried, rows_without_payloads(motions, full, drives, tried), strict=True))
+    balance = stretches.balance if long else MomentumBalance(full)
+    rows = dict(zip(tried, rows_without_payloads(motions, balance, drives, tried), strict=True))
     lasts = _validate_enough(pieces)
     remarks += [SHORT.format(pieces[0].source, lasts)] if lasts < SHORT_DURATION else []
     positive, scales = positive_columns(full, tens)
@@ -86,10 +88,10 @@ def gathered(
 
 
 def rows_without_payloads(
-    motions: Sequence[SmoothMotion], mechanism: Mechanism, drives: Drives, cutoffs: Sequence[float]
+    motions: Sequence[SmoothMotion], balance: MomentumBalance, drives: Drives, cutoffs: Sequence[float]
 ) -> list[Rows]:
     """Rows of each cut-off (Hz), the torques of known payloads taken off."""
-    return [without_payloads(own, motions, mechanism, drives) for own in rows_of(motions, mechanism, cutoffs)]
+    return [without_payloads(own, motions, balance.mechanism, drives) for own in rows_of(motions, balance, cutoffs)]
 
 
 def _validate_enough(pieces: Sequence[PreparedLog]) -> float:

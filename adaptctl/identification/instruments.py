@@ -13,6 +13,7 @@ from adaptctl.identification.fit import FitSettings, LogEvidence
 from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.gathering import rows_without_payloads
 from adaptctl.identification.least_squares import halves, joined_first_stage, weighted_least_squares
+from adaptctl.identification.momentum_balance import MomentumBalance
 from adaptctl.identification.normal_equations import block_edges
 from adaptctl.identification.position_noise import MAX_NOISE_SHARE, noise_share
 from adaptctl.identification.uncertainty import scaled_inverse
@@ -52,8 +53,9 @@ def freed_of_noise(evidence: LogEvidence) -> LogEvidence:
         )
     smooth = evidence.motions[0].cutoff
     motions, others = (list(motions_of(side, smooth)) for side in zip(*pairs, strict=True))
-    own = rows_without_payloads(motions, evidence.mechanism, evidence.drives, cutoffs)
-    instruments = rows_of(others, evidence.mechanism, cutoffs)
+    balance = MomentumBalance(evidence.mechanism)
+    own = rows_without_payloads(motions, balance, evidence.drives, cutoffs)
+    instruments = rows_of(others, balance, cutoffs)
     rows = dict(zip(cutoffs, joined_first_stage(own, instruments), strict=True))
     moved = rows[min(cutoffs)].moved
     return replace(evidence, motions=motions, rows=rows, edges=block_edges(moved.log, moved.time, NUM_BLOCKS))

@@ -113,6 +113,11 @@ class Stretches:
         return 8.0 * self.mechanism.dof * len(self.mechanism.parameter_names) * ROWS_PER_PERIOD * sum(self.cutoffs)
 
     @cached_property
+    def balance(self) -> MomentumBalance:
+        """Regressors of the samples, which are many."""
+        return MomentumBalance(self.mechanism, many=True)
+
+    @cached_property
     def _grids(self) -> list[_Grid]:
         return [_Grid(log, number, self.smooth, self.cutoffs) for number, log in enumerate(self.logs)]
 
@@ -173,10 +178,11 @@ class Stretches:
 
     def _rows(self, delay: float) -> Iterator[tuple[Rows, PackedRegressor]]:
         """Rows of stretches, whose regressors are packed, and these."""
-        balance = MomentumBalance(self.mechanism)
         for grid in self._grids:
             for motion, first, last in grid.stretches():
-                for own, packed in zip(grid.filters, motion.filtered_regressors(balance, grid.filters), strict=True):
+                for own, packed in zip(
+                    grid.filters, motion.filtered_regressors(self.balance, grid.filters), strict=True
+                ):
                     at = own.every * np.arange(len(packed.values))
                     kept = own.rows(motion, packed.values).chosen((at >= first) & (at < last))
                     rise = motion.later(own.cutoff, kept.time, delay)[0] if delay else 0.0

@@ -57,9 +57,10 @@ class PackedRegressor(NamedTuple):
 
 @dataclass(eq=False)
 class MomentumBalance:
-    """Regressor of a mechanism's torques by its momenta, by native code once that has been worth compiling."""
+    """Regressor of a mechanism's torques by its momenta, by native code for many samples, or once there were many."""
 
     mechanism: Mechanism
+    many: bool = False
     _states: int = field(default=0, init=False)
     _entries: NDArray[np.intp] | None = field(default=None, init=False)
 
@@ -82,7 +83,7 @@ class MomentumBalance:
     def _compiles(self) -> bool:
         links = self.mechanism.description.links
         short = len(links) <= MAX_COMPILED_LINKS and sum(depths(x.parent for x in links)) <= MAX_JOINT_LINK_PAIRS
-        return short and self._states >= COMPILE_AFTER_STATES
+        return short and (self.many or self._states >= COMPILE_AFTER_STATES)
 
     @property
     def _columns(self) -> range:
