@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from nightly import mostly_at_night
+from scipy.interpolate import CubicSpline
 from synthetic_logs import Known, joint_drives, known, motion
 
 from adaptctl.arrays import Array
@@ -162,6 +163,23 @@ def test_torques_over_those_of_the_file_are_told_and_those_of_another_gear_side_
     assert geared.slopes.outcome.endswith("are they on the other side of gears?")
     assert geared.sentence is None
     assert not judged(case, replace(case.log, torque=50.0 * case.log.torque)).other_side
+
+
+@pytest.mark.parametrize(
+    ("rate", "late"),
+    mostly_at_night(
+        [(rate, late) for rate in (100.0, 250.0, 500.0, 1e3, 2e3, 5e3) for late in (0.0, 5e-4, 3e-3, 0.01, 0.03)],
+        (1e3, 3e-3),
+    ),
+)
+def test_a_delay_is_told_to_a_tenth_of_a_sample_or_called_not_determinable(rate: float, late: float) -> None:
+    case = known(7, duration=10.0, rate=rate, noise=0.01)
+    log = case.log
+    at = log.time[log.time + late <= log.time[-1]] + late
+    ahead = CubicSpline(log.time, log.position)(at)
+    found = delay_of(gathered(case.guess, case.drives, [JointLog("late", at, ahead, log.torque[: len(at)])])[0])
+    assert abs(found.value - late) < max(1e-3, 0.1 / rate) or not found.determinable
+    assert found.determinable or rate < 1e3
 
 
 def test_friction_that_gives_way_before_it_slides_is_no_delay(case: Known) -> None:
