@@ -15,6 +15,9 @@ from adaptctl.identification.held_out import HeldOut
 from adaptctl.identification.least_squares import least_squares
 from adaptctl.identification.preparation import PreparationStep
 
+CHECK = "check for a counterbalance, for gravity compensation, and for its torque's sign and unit"
+"""what a joint that weighs otherwise may mean"""
+
 
 def contradictions(evidence: LogEvidence, fit: Fit, other_side: bool = False) -> Iterator[str]:
     """
@@ -30,10 +33,10 @@ def contradictions(evidence: LogEvidence, fit: Fit, other_side: bool = False) ->
         if j in fit.settings.left_out:
             yield (
                 f"{weighs}; no links that bodies can be take both this and the torques of the other joints, so it is "
-                "left out of fit and verdict; check for a counterbalance, its torque's sign and unit"
+                f"left out of fit and verdict; {CHECK}"
             )
         elif j in otherwise and not told:
-            yield f"{weighs}; check for a counterbalance, and its torque's sign and unit{_offset(evidence, fit, j)}"
+            yield f"{weighs}; {CHECK}{_offset(evidence, fit, j)}"
 
 
 class Excess(NamedTuple):
