@@ -35,7 +35,8 @@ def installed(folder: Path) -> Path:
 def main(words: list[str]) -> int:
     pages = [ROOT / "README.md", *sorted(p for p in (ROOT / "docs").rglob("*.md") if "_build" not in p.parts)]
     chosen = [page for page in pages if not words or any(word in page.name for word in words)]
-    os.environ.pop("PYTHONPATH", None)
+    for name in ("PYTHONPATH", "PYTHONDONTWRITEBYTECODE"):  # the second: each command would compile all its modules
+        os.environ.pop(name, None)
     failed = []
     with tempfile.TemporaryDirectory() as place:
         python = installed(Path(place))
