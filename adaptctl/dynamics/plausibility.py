@@ -49,7 +49,7 @@ class PosedArm(Protocol):
 def warn_of_implausible(mechanism: PosedArm, source: str | Path, stacklevel: int = 2) -> None:
     """Warn (`PlausibilityWarning`) in one line of masses, inertias and torque limits that no robot has."""
     description = mechanism.description
-    told = [*_listed(_masses(description)), *_listed(_overloads(mechanism))]
+    told = [*implausible_masses(description), *_listed(_overloads(mechanism))]
     if told:
         text = f"{source}: implausible: {'; '.join(told)}; expected kg, m, kg m^2 and N m"
         warnings.warn(text, PlausibilityWarning, stacklevel=stacklevel + 1)
@@ -60,9 +60,11 @@ def _listed(told: list[str]) -> list[str]:
     return [*told[:MAX_LISTED], f"and {rest} more alike"] if rest > 0 else told
 
 
-def _masses(description: Description) -> list[str]:
+def implausible_masses(description: Description, besides: Description | None = None) -> list[str]:
+    """Texts on links whose mass and inertia no part has, less those of links that are so in another description too."""
     reach = max(float(reach_behind(description.links).max()), MIN_REACH)
-    return [text for link in description.links if (text := _mass(link, reach))]
+    known = {link.name for link in besides.links if _mass(link, reach)} if besides is not None else ()
+    return _listed([text for link in description.links if link.name not in known and (text := _mass(link, reach))])
 
 
 def _mass(link: Link, reach: float) -> str:

@@ -9,6 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from adaptctl.description.drive import DriveParameter
+from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.plausibility import implausible_masses
 from adaptctl.identification.choice import MAX_MISFIT_RATIO, WEIGHT_CANDIDATES, misfit_ratio
 from adaptctl.identification.fit import Fit, LogEvidence
 from adaptctl.identification.held_out import HeldOut
@@ -37,6 +39,15 @@ def contradictions(evidence: LogEvidence, fit: Fit, other_side: bool = False) ->
             )
         elif j in otherwise and not told:
             yield f"{weighs}; {CHECK}{_offset(evidence, fit, j)}"
+
+
+def implausible_links(found: Mechanism, file: Mechanism) -> Iterator[str]:
+    """Warning of identified links that no part is like, but for those that the robot's file has so already."""
+    if links := implausible_masses(found.description, file.description):
+        yield (
+            f"implausible: {'; '.join(links)}: the log does not tell these numbers one by one, only torques of such "
+            "motions; a faster motion of more joints would, and a larger --prior-weight keeps them nearer to the file"
+        )
 
 
 class Excess(NamedTuple):
