@@ -19,6 +19,7 @@ from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.plausibility import warn_of_implausible
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import PlausibilityWarning, ReferenceWarning
+from adaptctl.identification.contradictions import implausible_links
 from adaptctl.simulation import simulate_many
 from adaptctl.simulation.reference_limits import warn_of_limits
 
@@ -46,6 +47,15 @@ def test_grams_for_kilograms_are_denser_than_any_material() -> None:
     assert told.startswith("my_arm.toml: implausible: link 'rod' has 1400 kg at a radius of gyration of 0.00293 m, ")
     assert "denser than any material" in told
     assert "\n" not in told
+
+
+def test_an_identified_link_is_told_unless_the_file_has_it_so_already() -> None:
+    light, heavy = rod(1.4, 0.012), rod(1400.0, 0.012)
+    (told,) = implausible_links(heavy, light)
+    assert told.startswith("implausible: link 'rod' has 1400 kg ")
+    assert "--prior-weight" in told
+    assert not list(implausible_links(heavy, heavy))
+    assert not list(implausible_links(light, heavy))
 
 
 def test_a_ball_of_osmium_is_the_limit() -> None:

@@ -211,11 +211,10 @@ def validate_plausible(
     evidence: LogEvidence, source: str, cutoff: float, springs: tuple[DriveParameter, ...] = ()
 ) -> None:
     """Raise `InputError` for logs that are not their robot's: driving friction, or residuals above half the torques."""
-    terms = FrictionModel().also((DriveParameter.OFFSET, *springs)) if springs else FrictionModel()
-    settings = FitSettings(terms, 1.0, cutoff)
-    equations = evidence.equations(settings, range(evidence.blocks))
-    x, deviations = weighted_least_squares(equations, evidence.independent(settings))
-    left = float(np.sqrt(equations.misfit(x).sum() / equations.square.sum()))
+    equations, x, deviations, left = _freely_fitted(evidence, FrictionModel(), cutoff)
+    if left > MAX_UNEXPLAINED_SHARE and springs:
+        strong = FrictionModel().also((DriveParameter.OFFSET, *springs))
+        equations, x, deviations, left = _freely_fitted(evidence, strong, cutoff)
     values = dict(zip(evidence.mechanism.parameter_names, x.tolist(), strict=False))
     rows = evidence.rows[cutoff].moved
     for j, joint in enumerate(evidence.mechanism.primary_joints):
@@ -233,6 +232,16 @@ def validate_plausible(
             "check that the log is this robot's, columns, transmission and units; with noisy encoders, set "
             "instrumental_variables"
         )
+
+
+def _freely_fitted(
+    evidence: LogEvidence, terms: FrictionModel, cutoff: float
+) -> tuple[NormalEquations, Array, Array, float]:
+    """Equations, weighted least squares, deviations of the torques, and the share of these that is left."""
+    settings = FitSettings(terms, 1.0, cutoff)
+    equations = evidence.equations(settings, range(evidence.blocks))
+    x, deviations = weighted_least_squares(equations, evidence.independent(settings))
+    return equations, x, deviations, float(np.sqrt(equations.misfit(x).sum() / equations.square.sum()))
 
 
 def _is_needed(evidence: LogEvidence, equations: NormalEquations, joint: str, deviations: Array) -> bool:

@@ -42,13 +42,14 @@ class WrittenRobot:
         """Sentence on what the file cannot hold, and what its predictions are without; None if it holds all."""
         if not self.missing:
             return None
-        whole, own = (v.relative_errors.items() for v in (found.validation, self.validation))
-        errors = ", ".join(f"{b:.1%} of the measured {_effort(unit)}" for unit, b in own)
-        before = ", ".join(f"{a:.1%}" for _, a in whole)
-        return (
-            f"{self.name}: {FORMATS[self.name]} has no place for {'; '.join(self.missing)}; with the nearest viscous "
-            f"and Coulomb friction its error is {errors} instead of {before} of robot.toml"
-        )
+        words = f"{self.name}: {FORMATS[self.name]} has no place for {'; '.join(self.missing)}"
+        whole, own = ([f"{x:.1%}" for x in v.relative_errors.values()] for v in (found.validation, self.validation))
+        if whole == own:
+            return words
+        units = self.validation.relative_errors
+        errors = ", ".join(f"{x} of the measured {_effort(unit)}" for unit, x in zip(units, own, strict=True))
+        before = ", ".join(whole)
+        return f"{words}; with the nearest viscous and Coulomb friction its error is {errors} instead of {before}"
 
 
 def _effort(unit: str) -> str:
