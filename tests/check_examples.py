@@ -27,7 +27,8 @@ def installed(folder: Path) -> Path:
     subprocess.run([str(python), "-m", "pip", "install", "--quiet", "--no-deps", str(wheel)], check=True)
     here = next(path for path in sys.path if path.endswith("site-packages"))
     site = next((folder / "venv" / "lib").glob("python*/site-packages"))
-    (site / "beside.pth").write_text(f"import sys; sys.path.append({here!r})\n")
+    beside = [here, *map(str, Path(here).glob("cmeel.prefix/lib/python*/site-packages"))]  # the second has pinocchio
+    (site / "beside.pth").write_text(f"import sys; sys.path.extend({beside!r})\n")
     (folder / "venv" / "bin" / "rerun").symlink_to(Path(sys.executable).parent / "rerun")
     return python
 

@@ -35,6 +35,7 @@ COMMANDS = (
     "identify",
     "excite",
     "tune",
+    "drive",
     "design",
     "export",
     "runs",

@@ -31,6 +31,7 @@ from adaptctl.hardware import (
     motion_about,
     with_rotors,
 )
+from adaptctl.hardware.mujoco_robot import _within
 from adaptctl.tuning.rotors import rotor_note
 
 CENTER = np.array([0.3, 0.5])
@@ -164,6 +165,12 @@ def test_ur_knows_its_payload_and_stops_where_it_changes(vendor: SimulatedVendor
         robot.read()
     vendor.robot = MuJoCoRobot(ARM, 2e-3, CENTER, compensates_gravity=True)
     assert URRobot("robot", LIMITS).tool[0] == 0.5
+
+
+def test_a_simulated_arm_stands_within_its_range_and_away_from_its_ends() -> None:
+    """At zero, which is outside of one joint's range, the end of another's, and where a third may turn for ever."""
+    limits = HardwareLimits(np.ones(4), np.ones(4), [0.8, -2.0, -np.inf, -1.0], [5.2, 0.0, np.inf, 1.0])
+    np.testing.assert_allclose(_within(np.zeros(4), limits), [3.0, -1.0, 0.0, 0.0])
 
 
 def plant(port: int, count: int, answers: list[tuple[float, ...]]) -> None:

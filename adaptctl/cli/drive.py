@@ -30,7 +30,9 @@ OnTouch = Literal["ignore", "stop", "comply", "retract"]
 
 def drive(
     vendor: Annotated[Vendor, Parameter(help="Kind of the robot.")],
-    address: Annotated[str, Parameter(help="Address of the robot; HOST:PORT for udp, a scene (.xml) for mujoco.")],
+    address: Annotated[
+        str, Parameter(help="Address of the robot; HOST:PORT for udp, a scene or robot file for mujoco.")
+    ],
     /,
     *,
     robot: Annotated[str, Parameter(help="File of the robot: .urdf, .xml (MJCF) or .toml.")],
@@ -87,7 +89,7 @@ def drive(
         found = connected(vendor, address, arm, any_kernel)
         try:
             view = _view(arm, shown) if live else None
-            run = _driven(found, arm, (duration, amplitude), folder, view, on_touch)
+            run = _driven(found, arm, (duration, amplitude), folder, view, on_touch, address)
         except KeyboardInterrupt as stop:
             if not stop.args:
                 raise
@@ -115,22 +117,25 @@ def connected(vendor: str, address: str, arm: Mechanism, any_kernel: bool) -> To
 
 
 def _driven(
-    robot: TorqueRobot, arm: Mechanism, motion: tuple[float, float], folder: Path, live: Any, on_touch: OnTouch
-) -> DrivenRun:
+    robot: TorqueRobot, arm: Mechanism, motion: tuple[float, float], folder: Path, live: Any, on_touch: OnTouch,
+    address: str,
+) -> DrivenRun:  # fmt: skip
     from adaptctl.arrays import positive_number
     from adaptctl.control import with_external_torque
     from adaptctl.hardware import HardwareLimits, drive, motion_about, ready_controller
+    from adaptctl.hardware.checks import validate_posture
     from adaptctl.hardware.preparation import periods_late
 
     duration, amplitude = motion
     positive_number(duration, "--duration: expected a positive time in s")
     positive_number(amplitude, "--amplitude: expected a positive amplitude in rad")
     if robot.limits.dof != arm.dof:
-        raise InputError(f"--robot: {arm.name} has {arm.dof} joints, but the robot {robot.limits.dof}")
-    here = robot.read()
+        raise InputError(f"--robot: {arm.name} has {arm.dof} joints, but the robot at {address} {robot.limits.dof}")
+    here, limits = robot.read(), robot.limits.within(HardwareLimits.of(arm))
     if here is None:
-        raise InputError("no measurement came from the robot")
-    reference = motion_about(here.p, robot.limits.within(HardwareLimits.of(arm)), amplitude)
+        raise InputError(f"no measurement came from {address}: is the robot on, and is this its address?")
+    validate_posture(here, [joint.name for joint in arm.primary_joints], limits)  # tuning takes a while
+    reference = motion_about(here.p, limits, amplitude)
     controller = ready_controller(arm, robot.period, reference, getattr(robot, "tool", None), periods_late(robot))
     if on_touch != "ignore":
         controller = with_external_torque(controller, cutoff=min(FAST, 0.5 / robot.period))

@@ -115,7 +115,8 @@ def standing(robot: Any, measurements: Measurements, names: Sequence[str], limit
         if reading is not None:
             first, sound = first or reading, sound + 1
             try:
-                _validate_posture(reading, first, names, limits)
+                _validate_rest(reading, first, names)
+                validate_posture(reading, names, limits)
             except InputError as error:  # the first readings may be old ones, that waited
                 first, sound, moving = None, 0, error
             if sound == READINGS:
@@ -125,11 +126,15 @@ def standing(robot: Any, measurements: Measurements, names: Sequence[str], limit
     raise InputError(f"robot: {sound} of {ATTEMPTS} measurements were sound: {fault}")
 
 
-def _validate_posture(reading: RobotReading, first: RobotReading, names: Sequence[str], limits: HardwareLimits) -> None:
+def _validate_rest(reading: RobotReading, first: RobotReading, names: Sequence[str]) -> None:
     passed = reading.time - first.time
     moved = np.abs(reading.p - first.p) > STILL * passed + 1e-3
     for j in map(int, np.flatnonzero((np.abs(reading.v) > STILL) | moved)):
         raise InputError(f"robot: {names[j]} moves, at {reading.v[j]:.3g} rad/s (m/s): start at rest")
+
+
+def validate_posture(reading: RobotReading, names: Sequence[str], limits: HardwareLimits) -> None:
+    """Raise `InputError` for a joint outside its range."""
     for j in map(int, np.flatnonzero((reading.p < limits.lower) | (reading.p > limits.upper))):
         low, high = limits.lower[j], limits.upper[j]
         raise InputError(f"robot: {names[j]} stands at {reading.p[j]:.4g}, outside its range {low:.4g} to {high:.4g}")

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 TORQUE_RATE = 1000.0
 """N m/s (N/s), as of a Franka arm"""
+END_SHARE = 0.05
+"""of a joint's range, in which it stands near an end, where every motion is stopped"""
 
 
 class MuJoCoRobot:
@@ -34,7 +36,8 @@ class MuJoCoRobot:
     control_period : float, default 0.001
         Control period in s.
     start : array_like, optional
-        Positions (r,) in rad (m) at which it stands. Default: those of the scene.
+        Positions (r,) in rad (m) at which it stands. Default: the scene's, or the middle of a joint's range where these
+        are outside of it or near its end.
     body : str, optional
         First body of the arm, in a scene with several.
     torque_rate : array_like, default 1000.0
@@ -81,8 +84,8 @@ class MuJoCoRobot:
         own = compensates_gravity if isinstance(compensates_gravity, Mechanism) else arm
         self.compensates_gravity, self._real_time = bool(compensates_gravity), real_time
         self._gravity = GravityTorque(own)
-        home: Any = [self.plant.model.qpos0[j] for j in self._places]  # type: ignore[union-attr]
-        p = home if start is None else checked(start, arm.dof, "start")
+        home: Any = np.array([self.plant.model.qpos0[j] for j in self._places])  # type: ignore[union-attr]
+        p = _within(home, self.limits) if start is None else checked(start, arm.dof, "start")
         self._state, self._rest = self.plant.init(p, np.zeros(arm.dof)), np.zeros(arm.dof)
         self._torque, self._braked, self._count, self._began = self._rest, True, 0, time.monotonic()
 
@@ -153,3 +156,12 @@ class MuJoCoRobot:
             Torque (r,) in N m (N).
         """
         return self._gravity(self._state.p if reading is None else reading.p)
+
+
+def _within(p: Array, limits: HardwareLimits) -> Array:
+    """Positions (r,), in the middle of joints' ranges where they are outside of these or near their ends."""
+    bounded = np.isfinite(limits.lower) & np.isfinite(limits.upper)
+    low, high = (np.where(bounded, x, 0.0) for x in (limits.lower, limits.upper))
+    margin = END_SHARE * (high - low)
+    near = (p < low + margin) | (p > high - margin)
+    return np.where(near & bounded, 0.5 * (low + high), p)
