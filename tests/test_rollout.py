@@ -200,3 +200,10 @@ def test_what_a_controller_raises_passes(env: TrackingEnv, puma: Mechanism) -> N
     bad = TrackingEnv(puma, lambda t: ReferencePoint(*np.full((3, *np.shape(t), 6), np.nan)), duration=0.1)
     with pytest.raises(NonFiniteError, match="reference"):
         rollout(bad, ComputedTorque(puma, 10.0))
+
+
+@pytest.mark.parametrize("seed", ["x", -1, 1.5])
+def test_a_seed_that_is_no_whole_number_is_refused(seed: object) -> None:
+    env = TrackingEnv(load("two_link"), duration=0.1)
+    with pytest.raises(InputError, match="seed"):
+        rollout(env, ComputedTorque(env.mechanism, 5.0), seed=seed)  # type: ignore[arg-type]

@@ -211,6 +211,8 @@ def _carried(payload: IdentifiedPayload) -> str:
     mass, centre, inertia = told(payload).tolist()
     if not mass:
         return "what the arm carries is left open by this motion"
+    if abs(payload.mass) < 2.0 * payload.deviations[0]:
+        return f"carries no more than it was told of, within {2.0 * payload.deviations[0]:.1g} kg"
     open_ones = [name for name, is_told in (("centre", centre), ("inertia", inertia)) if not is_told]
     left = f"; left open by this motion: {', '.join(open_ones)}" if open_ones else ""
     off = payload.deviations

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from adaptctl.arrays import Array, frozen
+from adaptctl.arrays import Array, frozen, whole_count
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.description import Joint
 from adaptctl.dynamics import Mechanism
@@ -184,7 +184,8 @@ class _SteppedRun:
         self._parts, self.control_period = interface(env, controller)
         self.steps, self._kept_samples = known_steps(env), KeptSamples.of(every, last, self.control_period)
         self._env, self._controller = env, controller
-        observation, self._info = env.reset(seed=seed, options=options)
+        number = None if seed is None else whole_count(seed, "seed")
+        observation, self._info = env.reset(seed=number, options=options)
         self._observation = np.asarray(observation, dtype=np.float64)
         self._kept = np.concatenate([np.arange(self._observation.size)[part] for part in self._parts])
         p, v, reference = self._read()
