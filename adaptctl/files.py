@@ -20,6 +20,7 @@ from typing import Any, TypeVar
 import msgspec
 import numpy as np
 
+from adaptctl.content_words import in_words
 from adaptctl.errors import FileError, printable, suggested_name
 
 MAX_LISTED, SIMILAR = 1000, 0.8
@@ -339,7 +340,7 @@ def typed(path: str | Path, plain: object, kind: type[Content], largest: float =
     try:
         return msgspec.convert(plain, kind)
     except (msgspec.ValidationError, OverflowError, RecursionError) as error:
-        raise FileError(f"{path}: {error}{_remedy(kind, str(error))}") from error
+        raise FileError(f"{path}: {in_words(str(error))}{_remedy(kind, str(error))}") from error
 
 
 def _validate_finite(path: str | Path, content: object, largest: float = math.inf) -> None:

@@ -239,9 +239,9 @@ def test_byte_order_mark_is_no_trouble(tmp_path: Path) -> None:
         ("a = 1\na = 2", "not valid TOML"),
         ("name = " + "9" * 5000, "not valid TOML"),
         ("name = " + "[" * 100_000, "not valid TOML"),
-        ("name = 3", r"Expected `str`, got `int` - at `\$.name`"),
-        ("[[parts]]", r"missing required field `mass` - at `\$.parts\[0\]`"),
-        ("parts = [{mass = 1}, {mass = 'x'}]", r"Expected `float`, got `str` - at `\$.parts\[1\].mass`"),
+        ("name = 3", r"expected text, got a whole number - at `\$.name`"),
+        ("[[parts]]", r"`mass` is missing - at `\$.parts\[0\]`"),
+        ("parts = [{mass = 1}, {mass = 'x'}]", r"expected a number, got text - at `\$.parts\[1\].mass`"),
         ("parts = [{mass = nan}]", r"expected a finite number, got nan - at `\$.parts\[0\].mass`"),
         ("parts = [{mass = 1}, {mass = -inf}]", r"got -inf - at `\$.parts\[1\].mass`"),
         ("mas = 1", r"unknown field `mas`; expected one of parts, extra, name$"),
@@ -271,7 +271,7 @@ def test_wrong_toml(tmp_path: Path, text: str, message: str) -> None:
         ('{"parts": [{"mass": 1e999}]}', r"got inf - at `\$.parts\[0\].mass`"),
         ('{"parts": [{"mass": 1' + "0" * 400 + "}]}", r"Number out of range - at `\$.parts\[0\].mass`"),
         ('{"mas": 1}', "unknown field `mas`; expected one of parts, extra, name"),
-        ("[]", "Expected `object`, got `array`"),
+        ("[]", "expected a table, got a list"),
     ],
 )
 def test_wrong_json(tmp_path: Path, text: str, message: str) -> None:

@@ -20,6 +20,7 @@ ORDER = (
     "errors",
     "optional_packages",
     "caching",
+    "content_words",
     "files",
     "folders",
     "arrays",

@@ -236,8 +236,8 @@ def test_the_same_tree_from_both_formats(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", r"missing required field `schema`"),
-        (HEAD, r"missing required field `links`"),
+        ("", r"`schema` is missing"),
+        (HEAD, r"`links` is missing"),
         (HEAD + "links = []", r"length >= 1 - at `\$.links`"),
         (HEAD + "[[links]]\n" * 257, r"length <= 256 - at `\$.links`"),
         (TREE + "grvity = [0, 0, 1]", "unknown field `grvity`; expected one of schema, links, name, source, gravity"),
