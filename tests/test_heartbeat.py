@@ -92,7 +92,7 @@ def test_it_can_be_turned_off(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_command_shows_it(tmp_path: Path) -> None:
-    program = "import sys; from adaptctl.cli import heartbeat as m; m.PATIENCE = 0.1; "
+    program = "import sys; from adaptctl.cli import heartbeat as m; m.PATIENCE = 0.01; "
     program += "from adaptctl.__main__ import run; run()"
     command = [sys.executable, "-c", program, "basis", "two_link"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, cwd=tmp_path)
