@@ -228,6 +228,12 @@ def unit_rows(n: int) -> Array:
 MAX_JOINT_LINK_PAIRS = 600
 """Pairs of a joint and a link it moves, above which a regressor is computed by rows: LLVM takes 5 s for so many."""
 
+
+def is_long(description: Description) -> bool:
+    """True for mechanisms whose regressors are not compiled whole."""
+    return sum(depths(link.parent for link in description.links)) > MAX_JOINT_LINK_PAIRS
+
+
 REGRESSORS = "torque_regressor", "slotine_li_regressor"
 """Regressors that can be limited to some columns."""
 
@@ -321,7 +327,7 @@ class ArrayEquations:
 
     def _regressor(self, name: str, columns: tuple[int, ...] | None) -> OnArrays:
         mechanism = self._mechanism
-        long = sum(depths(link.parent for link in mechanism.description.links)) > MAX_JOINT_LINK_PAIRS
+        long = is_long(mechanism.description)
 
         def rows(q: Column, v: Column, v_r: Column, a_r: Column) -> list[Column]:
             equations = mechanism.equations

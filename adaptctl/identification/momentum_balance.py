@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from adaptctl.arrays import Array
 from adaptctl.caching import cached_property
 from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
-from adaptctl.description.reach import depths
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.array_equations import COMPILE_AFTER_STATES, MAX_JOINT_LINK_PAIRS
+from adaptctl.dynamics.array_equations import COMPILE_AFTER_STATES, is_long
 from adaptctl.dynamics.recursion.energy import momentum_terms
 from adaptctl.errors import AdaptctlError
 from adaptctl.identification.preparation import DIFFERENCE, DIFFERENCE_MARGIN
@@ -81,8 +80,8 @@ class MomentumBalance:
 
     @property
     def _compiles(self) -> bool:
-        links = self.mechanism.description.links
-        short = len(links) <= MAX_COMPILED_LINKS and sum(depths(x.parent for x in links)) <= MAX_JOINT_LINK_PAIRS
+        description = self.mechanism.description
+        short = len(description.links) <= MAX_COMPILED_LINKS and not is_long(description)
         return short and (self.many or self._states >= COMPILE_AFTER_STATES)
 
     @property

@@ -97,9 +97,9 @@ class Live:
         place = f"{HOST}:{PORT}" if to is None else to
         if not isinstance(place, str):
             raise InputError(f"to: expected {HOST}:PORT or a path that ends in .rrd, got {to!r}")
-        if is_file := place.endswith(".rrd"):
+        if to_file := is_file(place):
             validate_place(place)
-        self.url = place if is_file else reachable(place, start_viewer, inline)
+        self.url = place if to_file else reachable(place, start_viewer, inline)
         if self.url is not None:
             self._begin(mechanism, self.url, tuple(surroundings))
 
@@ -142,9 +142,7 @@ class Live:
         self._disconnect()
         if self._process is not None:
             with suppress(subprocess.TimeoutExpired):
-                self._process.wait(
-                    FILE_TIMEOUT if self.url is not None and self.url.endswith(".rrd") else VIEWER_TIMEOUT
-                )
+                self._process.wait(FILE_TIMEOUT if self.url is not None and is_file(self.url) else VIEWER_TIMEOUT)
             self._process.kill()
             self._process.wait()
             self._process = None
@@ -175,7 +173,7 @@ class Live:
             from rerun.notebook import Viewer
         except ImportError as error:
             raise MissingExtraError("live view: notebooks need rerun-notebook: pip install rerun-notebook") from error
-        if self.url is None or self.url.endswith(".rrd"):
+        if self.url is None or is_file(self.url):
             raise InputError(f"live view: no viewer is reachable{f' at {self.url}' if self.url else ''}")
         return Viewer(url=self.url, **options)
 
@@ -218,6 +216,11 @@ class Live:
         if self._socket is not None:
             self._socket.close()
             self._socket = None
+
+
+def is_file(place: str) -> bool:
+    """True if a view goes to a file, not to a viewer."""
+    return place.endswith(".rrd")
 
 
 def reachable(address: str, start_viewer: bool = False, inline: bool = False) -> str | None:

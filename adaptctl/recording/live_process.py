@@ -23,6 +23,7 @@ from adaptctl.description.visual import Box, Visual
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.recording import views
 from adaptctl.recording.drawing import GOAL, run_color
+from adaptctl.recording.live import is_file
 from adaptctl.recording.scene import WORLD, log_arm, log_base, log_surroundings, log_trail
 from adaptctl.recording.skeleton import Skeleton, Viewpoint, floor_height, skeleton
 from adaptctl.recording.stream import Curves, log_curves, of_joints
@@ -40,7 +41,7 @@ def main(descriptor: int, url: str) -> None:
     given = json.load(sys.stdin)
     mechanism = _mechanism(given["robot"])
     with socket.socket(fileno=descriptor) as samples:
-        rows = _Rows(samples, 1 + 3 * mechanism.dof, FILE_BATCH_TIME if _is_file(url) else BATCH_TIME)
+        rows = _Rows(samples, 1 + 3 * mechanism.dof, FILE_BATCH_TIME if is_file(url) else BATCH_TIME)
         first = rows.next()
         if first is not None:
             recording, parts = _started(mechanism, url, first)
@@ -93,13 +94,9 @@ class _Rows:
         return np.stack(rows) if rows else None
 
 
-def _is_file(url: str) -> bool:
-    return url.endswith(".rrd")
-
-
 def _started(mechanism: Mechanism, url: str, first: Array) -> tuple[rr.RecordingStream, Skeleton]:
     recording = rr.RecordingStream("adaptctl-live", make_default=False)
-    recording.save(url) if _is_file(url) else recording.connect_grpc(url)
+    recording.save(url) if is_file(url) else recording.connect_grpc(url)
     parts, r = skeleton(mechanism), mechanism.dof
     around = np.concatenate((first[:, 1 : 1 + r], first[:, 1 + r : 1 + 2 * r]))
     names = [("/error", "Tracking error [mrad or mm]"), ("/torque", "Torque [N·m or N]"), ("/position", "Position")]
