@@ -66,7 +66,8 @@ def recorded(controller: SlotineLi, found: Rollouts, name: str, m: int) -> Array
     ("kind", "name"),
     [
         *turn_by_turn(("gradient", "projection"), (TREE, LOOP)),
-        *map(at_night, [(kind, name) for kind in ("whole gain", "subspace", "off") for name in (TREE, LOOP)]),
+        ("whole gain", TREE),
+        *map(at_night, [("whole gain", LOOP), ("subspace", TREE), ("subspace", LOOP), ("off", TREE), ("off", LOOP)]),
         ("natural", LOOP),  # the other's links are no rigid bodies
     ],
 )
