@@ -20,7 +20,7 @@ from adaptctl.control import PDGravity
 from adaptctl.control.references import Sinusoids
 from adaptctl.dynamics.inverse_kinematics import Tip
 from adaptctl.envs import ContactEnv, MuJoCoTrackingEnv
-from adaptctl.envs.contact import CLEARANCE, LINK, TOOL, beside, joint_path, surroundings_of
+from adaptctl.envs.contact import CLEARANCE, INTO, LINK, TOOL, beside, joint_path, surroundings_of
 from adaptctl.errors import InputError, ReferenceWarning
 from adaptctl.experiments.contact import Contact
 from adaptctl.experiments.push_findings import answer_of_push, findings_of_push
@@ -410,3 +410,18 @@ def test_what_is_not_known_of_a_load_goes_into_the_table(tmp_path: Path) -> None
     assert found["mean_force.impedance"]["value"] == pytest.approx(12.0, abs=0.2)
     assert found["mean_force.adaptation-off"]["value"] == pytest.approx(12.0 + 1.5 * 9.81, abs=0.5)
     assert found["mean_force.tracking"]["value"] > 100.0
+
+
+@nightly
+@pytest.mark.parametrize("surface", [1e3, 1e4, 1e5])
+@pytest.mark.parametrize("scene", ["table", "wall"])
+def test_a_force_is_kept_on_soft_and_hard_surfaces(scene: str, surface: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """10 N without wiping, with 2 kg unknown: RMS error from 2 s after the touch to 20 s."""
+    monkeypatch.setattr("adaptctl.envs.contact.WIPE", 0.0)
+    asked = Contact(scene=scene, surface=surface)
+    arm = asked.mechanism()
+    basis = adaptctl.fundamental_basis(adaptctl.essential_space(arm))
+    run = adaptctl.rollout(asked.environment(arm), asked.contenders(arm, basis)[0].controller, seed=0)
+    force = -contact_forces(run) @ INTO[scene]
+    touched = int(np.flatnonzero(force > 0.5)[0])
+    assert np.sqrt(np.mean((force[touched + 2000 :] - 10.0) ** 2)) < 0.3
