@@ -20,7 +20,7 @@ from typing import Any, TypeVar
 import msgspec
 import numpy as np
 
-from adaptctl.content_words import in_words
+from adaptctl.content_words import errors_of, in_words, told_all
 from adaptctl.errors import FileError, printable, suggested_name
 
 MAX_LISTED, SIMILAR = 1000, 0.8
@@ -33,8 +33,6 @@ MAX_STEM_BYTES, MAX_SUFFIX_BYTES = 200, 40
 """bytes of a name that its temporaries repeat, and of a suffix among them"""
 MAX_KEY_PARTS = 16
 """parts of a TOML key; reading time is quadratic in them"""
-RENAMED_PAGE = "docs/renamed.md"
-"""page of former names and file schemas"""
 NOT_REGULAR = "not a regular file, but a pipe, a device or the like; give a file"
 MAX_MAGNITUDE = 1e30
 """magnitude of numbers in TOML files, so that products of five are finite"""
@@ -304,10 +302,7 @@ def read_toml(path: str | Path, kind: type[Content]) -> Content:
         plain = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise FileError(f"{path}: not valid TOML ({error})") from error
-    try:
-        return typed(path, plain, kind, MAX_MAGNITUDE)
-    except FileError as error:
-        raise FileError(with_line(str(error), text)) from error
+    return typed(path, plain, kind, MAX_MAGNITUDE, text)
 
 
 def with_line(message: str, text: str) -> str:
@@ -334,13 +329,16 @@ def toml_line(text: str, element: str) -> int:
     return text.count("\n", 0, found.start()) + 1
 
 
-def typed(path: str | Path, plain: object, kind: type[Content], largest: float = math.inf) -> Content:
-    """Contents of a file as a `kind`, from what was read of it."""
-    _validate_finite(path, plain, largest)
+def typed(path: str | Path, plain: object, kind: type[Content], largest: float = math.inf, text: str = "") -> Content:
+    """Contents of a file as a `kind`, from what was read of it; all errors are told, with their lines in a text."""
     try:
+        _validate_finite(path, plain, largest)
         return msgspec.convert(plain, kind)
+    except FileError as error:
+        raise FileError(with_line(str(error), text)) from error
     except (msgspec.ValidationError, OverflowError, RecursionError) as error:
-        raise FileError(f"{path}: {in_words(str(error))}{_remedy(kind, str(error))}") from error
+        found = list(errors_of(plain, kind)) or [in_words(str(error))]
+        raise FileError(f"{path}: {told_all([with_line(one, text) for one in found])}") from error
 
 
 def _validate_finite(path: str | Path, content: object, largest: float = math.inf) -> None:
@@ -366,35 +364,6 @@ def _unrepeated(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         keys = [key for key, _ in pairs]
         raise ValueError(f"the key {next(key for key in keys if keys.count(key) > 1)!r} is given twice")
     return content
-
-
-def earlier_schema(told: str, expected: str) -> str:
-    """Hint at renamed names if a schema number differs from `expected`."""
-    kind, _, number = expected.rpartition("/")
-    return f". {RENAMED_PAGE} tells what {kind}/{number} renames" if re.search(rf"{kind}/\d+", told) else ""
-
-
-def _remedy(kind: Any, message: str) -> str:
-    if "unknown field" not in message and "enum value" not in message:
-        return ""
-    place = re.search(r" - at `\$(.*)`$", message)
-    steps = re.findall(r"\[(?:\.\.\.|\d+)\]|[^.\[\]]+", place.group(1)) if place else []
-    choices = _choices(msgspec.inspect.type_info(kind), steps)
-    listed = f"; expected one of {', '.join(choices)}" if choices else ""
-    return listed + (earlier_schema(message, choices[0].strip("'")) if steps[-1:] == ["schema"] and choices else "")
-
-
-def _choices(info: Any, steps: list[str]) -> list[str]:
-    for option in getattr(info, "types", ()):
-        if found := _choices(option, steps):
-            return found
-    if not steps:
-        fields = [field.encode_name for field in getattr(info, "fields", ())]
-        return fields or [repr(value) for value in getattr(info, "values", ())]
-    if steps[0].startswith("["):
-        return _choices(getattr(info, "item_type", None), steps[1:])
-    inner = [field.type for field in getattr(info, "fields", ()) if field.encode_name == steps[0]]
-    return _choices(inner[0], steps[1:]) if inner else []
 
 
 def _plain(value: Any) -> Any:

@@ -24,6 +24,7 @@ from adaptctl.identification.gathering import gathered
 from adaptctl.identification.held_out import HeldOut
 from adaptctl.identification.hypotheses import AS_IS, LogMeaning, compared_hypotheses, validate_meaning
 from adaptctl.identification.hypothesis_rows import HypothesisRows
+from adaptctl.logs.units import POSITION, TORQUE
 
 Fault = Callable[[JointLog, Known], JointLog]
 SIGNS, ORDER = np.array([1.0, -1.0, 1.0]), [0, 2, 1]
@@ -110,10 +111,24 @@ def test_a_right_log_is_left_alone(case: Known) -> None:
     assert first.kind == AS_IS
     assert verdict.sentence is None
     assert not any(trial.named for trial in verdict.tried)
-    assert len({trial.kind for trial in verdict.tried}) == len(FAULTS) + 2
+    assert len({trial.kind for trial in verdict.tried}) == len(FAULTS) + 3, "and counterbalances, units of positions"
     assert validate_meaning(verdict, False) == ()
     assert "joint2 is at" in verdict.alike.outcome, "the zero of a last joint, whose link is free"
     assert "joint1" not in verdict.alike.outcome
+
+
+def test_angles_and_torques_of_another_unit_are_named(case: Known) -> None:
+    def stated(**units: float) -> Known:
+        return replace(case, drives=replace(case.drives, units=replace(case.drives.units, **units)))
+
+    degrees = judged(stated(position=POSITION["deg"]), replace(case.log, position=np.radians(case.log.position)))
+    assert "positions are in rad, not deg" in (degrees.sentence or "")
+    for unit, other in (("N m", "mN m"), ("mN m", "N m")):
+        log = replace(case.log, torque=case.log.torque * TORQUE[unit] / TORQUE[other])
+        milli = judged(stated(torque=TORQUE[unit]), log)
+        assert f"{other} taken for {unit}" in (milli.sentence or "")
+        assert milli.refuses
+    assert judged(stated(torque=TORQUE["mN m"]), case.log).sentence is None
 
 
 def test_rows_are_those_of_the_filter_window_by_window(case: Known) -> None:

@@ -197,6 +197,27 @@ def test_a_bad_drives_file_is_refused_by_name(old: str, new: str, message: str, 
         read_drives(files / "bad.toml").ordered_like(load(files / "tx40.urdf"))
 
 
+def test_all_errors_of_a_drives_file_are_told_at_once_and_what_has_one_meaning_needs_no_key(tmp_path: Path) -> None:
+    text = """joints = ["a", "b"]
+transmission = [[50, 0], [0, 80]]
+units = { time = "s", position = "rad", torque = "N m" }
+motors = [{ position = "p", torque = "c" }, { position = "p2", torque = "c2" }]
+"""
+    (tmp_path / "short.toml").write_text(text)
+    found = read_drives(tmp_path / "short.toml")
+    assert (found.time, [motor.name for motor in found.motors]) == ("time", ["a", "b"])
+    wrong = text.replace('["a", "b"]', '"a"').replace('"rad", torque = "N m"', "3").replace("{ position =", "{ pos =")
+    (tmp_path / "wrong.toml").write_text(wrong)
+    with pytest.raises(FileError) as error:
+        read_drives(tmp_path / "wrong.toml")
+    told = ["7 errors", "`$.joints` (line 1)", '`torque` is missing, such as torque = "N m" - at `$.units`']
+    for word in (*told, "`$.units.position`", "`pos` - at `$.motors[0]`", "`pos` - at `$.motors[1]`"):
+        assert word in str(error.value)
+    (tmp_path / "meant.toml").write_text(text.replace("80", "0").replace('"s"', '"h"').replace('"rad"', '"turn"'))
+    with pytest.raises(FileError, match=r"3 errors: .*must turn.*unit of time.*unit of position.*\(line 3\)$"):
+        read_drives(tmp_path / "meant.toml")
+
+
 def test_velocities_that_disagree_tell_wrong_units(files: Path) -> None:
     mechanism = random_chain(1, 2)
     time = np.arange(1000) / 250.0
@@ -245,10 +266,12 @@ def test_what_is_not_stated_is_asked_for_by_name() -> None:
         joint_columns(mechanism, log)
     with pytest.raises(InputError, match=r"the columns of each joint's torque are unknown"):
         joint_columns(mechanism, log, {"position": "q{}"})
-    with pytest.raises(FileError, match="no column 'p1' for position; columns: t, q1"):
+    with pytest.raises(
+        InputError, match=r"no column 'p1' for position; .*torque are unknown; .*units .*columns: t, q1"
+    ):
         joint_columns(mechanism, log, {"position": "p{}"})
     named = {"position": "q{}", "torque": "cur{}"}
-    with pytest.raises(InputError, match="no column 'time' for the time; specify it: --columns time=t, or"):
+    with pytest.raises(InputError, match=r"no column 'time' for the time; the units of .*--columns time=t "):
         joint_columns(mechanism, log, named)
     named |= {"time": "t"}
     with pytest.raises(InputError, match="units of time, position, torque are unknown; give"):

@@ -17,6 +17,7 @@ from adaptctl.identification import identify
 from adaptctl.identification.columns import JointLog, joint_columns
 from adaptctl.identification.log_files import LogTable, read_log
 from adaptctl.identification.preparation import prepare
+from adaptctl.identification.unknown_columns import unused_joints
 
 REVOLUTE, PRISMATIC = JointKind.REVOLUTE, JointKind.PRISMATIC
 LIMITS = Limits(-1.0, 1.0, velocity=2.0, effort=30.0)
@@ -77,6 +78,15 @@ def test_a_column_is_of_one_joint() -> None:
         InputError, match=r"columns: position: 'position\.j0' is given for joint 'j0' and 'j1'; in a pattern"
     ):
         joint_columns(mechanism, log_of(mechanism), {"position": "position.j0"}, SI)
+
+
+def test_joints_that_the_robot_has_not_are_told() -> None:
+    mechanism, log = arm(REVOLUTE, REVOLUTE), log_of(arm(REVOLUTE, REVOLUTE, REVOLUTE))
+    drives = joint_columns(mechanism, log, units=SI)
+    (told,) = unused_joints(log, drives, mechanism)
+    assert "j2" in told
+    assert "j0" not in told
+    assert unused_joints(log_of(mechanism), drives, mechanism) == []
 
 
 def test_names_of_columns_that_are_no_text_are_refused(tmp_path: Path) -> None:

@@ -10,10 +10,13 @@ import numpy as np
 import pytest
 
 import adaptctl
+from adaptctl.cli.main import main
 from adaptctl.control import Sinusoids, excitation_trajectory, sliding_variable
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import FileError, InputError, NotFoundError
 from adaptctl.hardware import HardwareLimits, MuJoCoRobot, drive, motion_about, with_rotors
+from adaptctl.identification import read_drives
+from adaptctl.identification.column_units import Units
 from adaptctl.tuning.named_laws import named_law
 
 WRONG = cast(Any, "two_link")
@@ -63,8 +66,14 @@ def test_a_log_and_its_columns_nearly_right_are_offered(arm: Mechanism, tmp_path
     (tmp_path / "log.csv").write_text("t,q1 [deg],q2 [deg]\n0,1,2\n1,2,3\n")
     with pytest.raises(FileError, match=r"lag\.csv: does not exist \(did you mean 'log\.csv'\?\)"):
         adaptctl.identify(tmp_path / "lag.csv", arm)
-    with pytest.raises(FileError, match=r"no column 'q1' for position; did you mean q1 \[deg\]$"):
+    with pytest.raises(
+        InputError, match=r"no column 'q1' for position \(did you mean q1 \[deg\]\?\); .*torque are unkn"
+    ):
         adaptctl.identify(tmp_path / "log.csv", arm, columns={"position": "q{}"})
+    both = {"position": "2-3", "torque": "3,2", "time": "T"}
+    units = {"position": "deg", "torque": "Nm", "time": "s"}
+    with pytest.raises(InputError, match=r"no column 'T' for time; columns: t, q1 \[deg\], q2 \[deg\]$"):
+        adaptctl.identify(tmp_path / "log.csv", arm, columns=both, sample_rate=100.0, units=units)
 
 
 @pytest.mark.parametrize("given", ["deg", ["q1", "q2"]])
@@ -92,6 +101,10 @@ def test_a_time_of_another_name_is_offered(column: str, pair: str, arm: Mechanis
     log.write_text(f"tau,{column},q1,q2,u1,u2\n0,0,0,0,0,0\n1,1,1,1,1,1\n")
     with pytest.raises(InputError) as error:
         adaptctl.identify(log, arm, columns={"position": "q{}", "torque": "u{}"})
+    assert f": --columns {pair} position=q{{}} torque=u{{}} --units time=" in str(error.value)
+    units = {"time": "s", "position": "rad", "torque": "N m"}
+    with pytest.raises(InputError) as error:
+        adaptctl.identify(log, arm, columns={"position": "q{}", "torque": "u{}"}, units=units)
     assert f"specify it: --columns {pair}, or the rate of even rows: --sample-rate HZ" in str(error.value)
 
 
@@ -120,7 +133,56 @@ def test_columns_that_a_log_has_are_offered(columns: str, pairs: str, arm: Mecha
     log.write_text("\n".join([columns, *(",".join([str(k)] * n) for k in range(2))]))
     with pytest.raises(InputError) as error:
         adaptctl.identify(log, arm)
-    assert f"specify them with --columns, such as {pairs} ({{}}: number" in str(error.value)
+    assert f" {pairs} --units time=" in str(error.value)
+
+
+def test_a_log_with_more_joints_than_the_robot_is_refused_with_what_would_be_unused(
+    arm: Mechanism, tmp_path: Path
+) -> None:
+    names = ["time", *(f"{what}{j}" for what in ("q", "tau") for j in range(1, 4))]
+    (tmp_path / "log.csv").write_text("\n".join([",".join(names), *(",".join([str(k)] * 7) for k in range(2))]))
+    with pytest.raises(InputError, match=r"q\{\} has 3 columns, but the robot 2 joints .*: q3 would be .*=q1,q2$"):
+        adaptctl.identify(tmp_path / "log.csv", arm, columns={"position": "q{}", "torque": "tau{}"})
+
+
+def test_a_drives_file_to_edit_is_written(arm: Mechanism, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log, file = tmp_path / "log.csv", tmp_path / "drives.toml"
+    log.write_text("ms,m1_pos,m2_pos,m1_cur,m2_cur\n0,1,2,3,4\n4,1,2,3,4\n")
+    assert main(["identify", str(log), "--robot", "two_link", "--template", str(file)]) == 0
+    found = read_drives(file).ordered_like(arm)
+    assert f"--drives {file}" in capsys.readouterr().out
+    assert found.time == "ms"
+    assert found.units == Units(1e-3, 1.0, None)
+    assert [(motor.name, motor.position, motor.torque) for motor in found.motors] == [
+        ("shoulder", "m1_pos", "m1_cur"),
+        ("elbow", "m2_pos", "m2_cur"),
+    ]
+
+
+def test_all_columns_are_told_or_how_many_there_are(arm: Mechanism, tmp_path: Path) -> None:
+    names = ["a", *(f"b{k}" for k in range(40))]
+    (tmp_path / "log.csv").write_text("\n".join([",".join(names), *(",".join([str(k)] * 41) for k in range(2))]))
+    with pytest.raises(InputError, match=r"columns: a, b0, .*, b28, \.\.\. \(41 in all\)$"):
+        adaptctl.identify(tmp_path / "log.csv", arm)
+
+
+@pytest.mark.parametrize(
+    ("name", "column", "unit"),
+    [
+        ("stamp_ms", [0.0, 4.0], "time=ms"),
+        ("stamp", [0.0, 4000.0], "time=us"),
+        ("stamp", [0.0, 0.004], "time=s"),
+    ],
+)
+def test_units_are_offered_by_names_and_sizes(
+    name: str, column: list[float], unit: str, arm: Mechanism, tmp_path: Path
+) -> None:
+    rows = [f"{t},{20 * t},1,2,3" for t in column]
+    (tmp_path / "log.csv").write_text("\n".join([f"{name},q1,q2,tau1_nm,tau2_nm", *rows]))
+    with pytest.raises(InputError) as error:
+        adaptctl.identify(tmp_path / "log.csv", arm)
+    angle = "deg" if column[1] > 1.0 else "rad"
+    assert f"--units {unit} position={angle} 'torque=N m' (" in str(error.value)
 
 
 def test_a_law_in_capitals_is_offered_in_small_letters() -> None:

@@ -46,6 +46,7 @@ def identify(
     compensated: bool = False,
     trust_log: bool = False,
     energy_differences: Annotated[float | None, Parameter(metavar="S")] = None,
+    template: Annotated[Path | None, Parameter(metavar="FILE")] = None,
     reading: RobotFlags = AS_USUAL,
     out: Folder = Path("results/identify"),
     overwrite: Overwrite = False,
@@ -98,6 +99,8 @@ def identify(
         Take the log as it is, even if other signs, columns or gravity fit far better.
     energy_differences : float
         Also estimate from energy balances over windows of this length, s, for comparison.
+    template : Path
+        Only write a drives file to edit, from the robot and the names of the first log's columns.
 
     Raises
     ------
@@ -119,6 +122,9 @@ def identify(
     from adaptctl.identification.report import facts, log_lines, verdict
     from adaptctl.optional_packages import validate_for_results
 
+    if template is not None:
+        _write_template(template, logs, robot, topic, reading, overwrite)
+        return
     validate_for_results()
     with replacing_folder(out, overwrite) as folder, _files(logs, robot, drives) as (logs, robot, drives):
         if energy_differences is not None:
@@ -159,6 +165,22 @@ def identify(
             page = compared.report()
             print()
             print_outcome(page.outcome, page.facts, out / ENERGIES)
+
+
+def _write_template(
+    file: Path, logs: tuple[Path, ...], robot: str | None, topic: str | None, reading: RobotFlags, overwrite: bool
+) -> None:
+    """Write a drives file to edit, and say how it is used."""
+    from adaptctl.errors import InputError
+    from adaptctl.files import validate_output, write_text
+    from adaptctl.identification.drives_template import drives_template
+    from adaptctl.identification.log_files import read_log
+
+    if not logs or robot is None:
+        raise InputError("--template needs a log and its robot: adaptctl identify LOG --robot FILE --template FILE")
+    validate_output(file, overwrite)
+    write_text(file, drives_template(reading.load(robot), read_log(logs[0], topic)))
+    print(f"{file}: edit it, then: adaptctl identify {logs[0]} --robot {robot} --drives {file}")
 
 
 def as_builtins(found: Identification, folder: Path) -> dict[str, Any]:

@@ -13,10 +13,12 @@ from adaptctl.logs.table import LogTable
 RANGE = re.compile(r"(\d+)(?:-(\d+))?$")
 WORDS = {
     "position": ("position", "pos", "q", "p", "theta", "angle", "act"),
-    "torque": ("torque", "trq", "tor", "tau", "effort", "moment", "m", "current", "cur"),
-    "time": ("time", "timestamp", "stamp", "t", "seconds", "secs", "sec"),
+    "torque": ("torque", "trq", "tor", "tau", "effort", "moment", "current", "cur", "m"),
+    "time": ("time", "timestamp", "stamp", "t", "seconds", "secs", "sec", "ms", "us", "ns"),
 }
 """words in names of columns of each kind, the likeliest first"""
+CURRENTS = ("current", "currents", "cur", "amps", "ampere")
+"""words in names of what is only proportional to a torque"""
 WANTED = ("target", "desired", "reference", "ref", "command", "commanded", "cmd")
 """words in names of what was asked for, not measured"""
 WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
@@ -78,9 +80,18 @@ def likely_time(log: LogTable) -> str:
 
 def _likely(what: str, log: LogTable) -> Iterator[str]:
     """Names of columns with a word for a quantity, the likeliest first and those of wanted values last."""
-    words = {name: [word.lower() for word in WORD.findall(UNIT.sub("", name))] for name in log.columns}
+    words = {name: words_of(name) for name in log.columns}
+    others = [word for other, kinds in WORDS.items() if other != what for word in kinds if len(word) > 1]
     for wanted, kind in product((False, True), WORDS[what]):
-        yield from (name for name, own in words.items() if kind in own and wanted == any(w in WANTED for w in own))
+        for name, own in words.items():
+            told = len(kind) == 1 and any(word in others for word in own)  # a letter counts where no word does
+            if kind in own and not told and wanted == any(word in WANTED for word in own):
+                yield name
+
+
+def words_of(name: str) -> list[str]:
+    """Words of a column's name without its unit, in small letters."""
+    return [word.lower() for word in WORD.findall(UNIT.sub("", name))]
 
 
 def as_word(pair: str) -> str:

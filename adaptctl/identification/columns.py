@@ -11,9 +11,12 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import FileError, InputError, shown
-from adaptctl.identification.column_names import column_name, joint_names, likely_pair, likely_time, offer
+from adaptctl.identification.column_names import column_name, joint_names
+from adaptctl.identification.column_units import Units, validate_fitting
 from adaptctl.identification.complete_rows import complete_rows
-from adaptctl.identification.drives_file import Drives, MotorEntry, Units, locking, validate_fitting
+from adaptctl.identification.drives_content import MotorEntry
+from adaptctl.identification.drives_file import Drives, locking
+from adaptctl.identification.unknown_columns import validate_known, validate_numbers
 from adaptctl.logs.table import LogTable
 from adaptctl.logs.units import POSITION, TIME, TORQUE, VELOCITY, spaced
 
@@ -39,6 +42,7 @@ class JointLog:
 
 def joint_log(log: LogTable, drives: Drives, sample_rate: float | None = None) -> JointLog:
     """Log of joints from a table of its motors' columns."""
+    _validate_there(log, _used(drives))
     log = complete_rows(log, _used(drives), None if sample_rate is not None else drives.time)
     time = _time(log, drives, sample_rate)
     position = np.stack([log.column(m.position, f"position of {m.name}") for m in drives.motors], axis=-1)
@@ -61,6 +65,12 @@ def joint_log(log: LogTable, drives: Drives, sample_rate: float | None = None) -
         _velocity(log, drives),
         tuple(f"{log.source}: {note}" for note in log.notes),
     )
+
+
+def _validate_there(log: LogTable, names: list[str]) -> None:
+    """Refuse a log without several of the columns, by all of their names."""
+    if len(absent := [name for name in dict.fromkeys(names) if name not in log.columns]) > 1:
+        raise FileError(f"{log.source}: no columns {', '.join(map(repr, absent))}; columns: {log.listed()}")
 
 
 def _used(drives: Drives) -> list[str]:
@@ -153,14 +163,14 @@ def joint_columns(
     """Drives of a robot whose joints are measured directly, by patterns of column names."""
     given, stated = _checked("columns", columns), _checked("units", units)
     joints = [joint.name for joint in mechanism.primary_joints]
+    for what, text in given.items():
+        validate_numbers(what, text, joints, log)
     pattern = _pattern(log, joints, given)
-    time = column_name(given.get("time", "time"), log)
-    if stamped and time not in log.columns:
-        raise InputError(
-            f"{log.source}: no column {time!r} for the time; specify it: --columns {likely_time(log)}, or the rate of "
-            "even rows: --sample-rate HZ"
-        )
     found = {what: joint_names(names, joints, log, what) for what, names in pattern.items()}
+    time = column_name(given.get("time", "time"), log)
+    timed = {"time": [time], **found} if stamped or "time" in given else found
+    symbols = ({} if stamped else {"time": "s"}) | _units(log, timed, stated)
+    validate_known(log, joints, given, timed, symbols)
     motors = tuple(
         MotorEntry(
             name=joint,
@@ -172,7 +182,6 @@ def joint_columns(
     )
     r = len(joints)
     _validate_own(found, joints)
-    symbols = _units(log, {"time": [time], **found}, stated if stamped else {"time": "s"} | stated)
     validate_fitting(symbols, {joint.name: joint.kind.is_revolute for joint in mechanism.primary_joints})
     checked = _checked_units(log, symbols)
     return Drives(tuple(joints), np.eye(r), np.zeros(r), motors, time, checked)
@@ -191,35 +200,25 @@ def _checked(what: str, given: Mapping[str, str] | None) -> dict[str, str]:
 
 
 def _pattern(log: LogTable, joints: list[str], given: dict[str, str]) -> dict[str, str]:
+    """Patterns as given, and those of usual names that the log has of all joints."""
+
+    def has(pattern: str, what: str) -> bool:
+        return all(name in log.columns for name in joint_names(pattern, joints, log, what))
+
+    own = {name: text for name, text in given.items() if name != "time"}
     for known in KNOWN_PATTERNS:
-        whole = known | {name: text for name, text in given.items() if name != "time"}
-        if all(
-            name in log.columns
-            for what in ("position", "torque")
-            for name in joint_names(whole[what], joints, log, what)
-        ):
-            if (
-                not all(name in log.columns for name in joint_names(whole["velocity"], joints, log))
-                and "velocity" not in given
-            ):
-                del whole["velocity"]
-            return whole
-    for what in ("position", "torque"):
-        if what in given:
-            _require(log, what, joint_names(given[what], joints, log, what))
+        whole = known | own
+        if has(whole["position"], "position") and has(whole["torque"], "torque"):
+            return whole if "velocity" in given or has(whole["velocity"], "velocity") else _without_velocity(whole)
+    if set(own) >= {"position", "torque"}:
+        return own
     _validate_all_joints(log, joints, given)
-    missing = " and ".join(what for what in ("position", "torque") if what not in given)
-    have = ", ".join(list(log.columns)[:20])
-    if log.numbered:
-        raise InputError(
-            f"{log.source}: has no line of column names, and {len(log.columns)} columns; give their numbers, "
-            f"{offer(log, len(joints))}"
-        )
-    raise InputError(
-        f"{log.source}: the columns of each joint's {missing} are unknown; specify them with --columns, such as "
-        f"{' '.join(likely_pair(what, joints, log) for what in missing.split(' and '))} ({{}}: number of the joint "
-        f"from 1, {{0}}: from 0, {{joint}}: its name), or give a drives file; columns: {have}"
-    )
+    others = {what: text for known in KNOWN_PATTERNS for what, text in known.items() if has(text, what)}
+    return own if set(own) & {"position", "torque"} else _without_velocity(others) | own
+
+
+def _without_velocity(pattern: dict[str, str]) -> dict[str, str]:
+    return {what: text for what, text in pattern.items() if what != "velocity"}
 
 
 def _validate_all_joints(log: LogTable, joints: list[str], given: dict[str, str]) -> None:
@@ -235,12 +234,6 @@ def _validate_all_joints(log: LogTable, joints: list[str], given: dict[str, str]
                 f"{log.source}: no column {whole[0].replace('{joint}', others[0])!r} for position; the log has "
                 f"{len(here)} of {len(joints)} joints{locking(others, here, joints)}"
             )
-
-
-def _require(log: LogTable, what: str, names: list[str]) -> None:
-    for name in names:
-        if name not in log.columns:
-            log.column(name, what)
 
 
 def _one_of(symbols: list[str], what: str, source: str) -> str:
@@ -263,17 +256,12 @@ def _validate_own(names: dict[str, list[str]], joints: list[str]) -> None:
 
 
 def _units(log: LogTable, names: Mapping[str, list[str]], stated: dict[str, str]) -> dict[str, str]:
+    """Units as stated, and those that the log states."""
     units = dict(stated)
     for what, columns in names.items():
         own = sorted({log.units.get(name, "") for name in columns})
         if what not in units and "" not in own:
             units[what] = _one_of(own, what, log.source)
-    if missing := [what for what in names if what not in units]:
-        examples = {"time": "s", "position": "rad", "torque": "'N m'", "velocity": "rad/s"}
-        raise InputError(
-            f"{log.source}: the units of {', '.join(missing)} are unknown; give "
-            f"--units {' '.join(f'{what}={examples[what]}' for what in missing)}, or others"
-        )
     return units
 
 

@@ -6,131 +6,33 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
 
-import msgspec
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked, frozen_array
 from adaptctl.caching import cached_property
+from adaptctl.content_words import told_all
 from adaptctl.description.drive import Drive
-from adaptctl.description.readers.entries import MAX_ENTRIES, Name, Tensor, Triple
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import FileError, InputError
-from adaptctl.files import read_toml
-from adaptctl.logs.units import OTHER_TORQUE, POSITION, TIME, TORQUE, VELOCITY, spaced
-
-TURNING = {"position": ("rad", "deg", "rev"), "velocity": ("rad/s", "deg/s", "rpm"), "torque": ("N m", "mN m")}
-# Units of revolute and of prismatic joints.
-SLIDING = {"position": ("m", "mm"), "velocity": ("m/s", "mm/s"), "torque": ("N",)}
-
-
-@dataclass(frozen=True)
-class Units:
-    """Factors from the units of a log's columns to SI units; None for a torque column without unit of torque."""
-
-    time: float
-    position: float
-    torque: float | None
-    velocity: float | None = None
-
-    @classmethod
-    def checked(cls, time: str, position: str, torque: str, velocity: str | None = None) -> Units:
-        """Units by their symbols; `InputError` for an unknown one."""
-        return cls(
-            _factor("time", time, TIME),
-            _factor("position", spaced(position), POSITION),
-            None if torque in OTHER_TORQUE else _factor("torque", spaced(torque), TORQUE, OTHER_TORQUE),
-            None if velocity is None else _factor("velocity", velocity, VELOCITY),
-        )
-
-
-def validate_fitting(symbols: Mapping[str, str], turns: Mapping[str, bool]) -> None:
-    """Raise `InputError` for a unit of angle on a joint that slides, or of length on one that turns."""
-    for what, symbol in symbols.items():
-        for joint, turning in turns.items():
-            own, others = (TURNING, SLIDING) if turning else (SLIDING, TURNING)
-            whole = spaced(symbol).partition("/")[0] if what == "position" else spaced(symbol)
-            foreign = whole in others.get(what, ())
-            if foreign and (whole != others[what][0] or all(turns.values())):
-                *first, last = own[what]
-                expected = f"{', '.join(first)} or {last}" if first else last
-                kind = "turns" if turning else "slides"
-                raise InputError(f"unit of {what}: joint {joint!r} {kind}: expected {expected}, got {symbol!r}")
-
-
-def _factor(what: str, symbol: str, known: dict[str, float], others: tuple[str, ...] = ()) -> float:
-    whole, mark, count = symbol.rpartition("/")
-    if mark and count.isdecimal() and int(count) and whole in known:
-        return known[whole] / int(count)
-    if symbol not in known:
-        counts = "; for counts, a unit over their number, such as rev/4096" if what == "position" else ""
-        raise InputError(f"unit of {what}: expected one of {', '.join((*known, *others))}{counts}, got {symbol!r}")
-    return known[symbol]
-
-
-SCHEMA = "adaptctl/drives/1"
+from adaptctl.files import read_text, read_toml, with_line
+from adaptctl.identification.column_units import Units
+from adaptctl.identification.drives_content import (
+    DrivesFile,
+    MotorEntry,
+    PayloadEntry,
+    joint_offsets,
+    wrong_drives,
+    wrong_turning,
+)
 
 
 def locking(missing: Sequence[str], known: Sequence[str], names: Sequence[str]) -> str:
     """Words that offer to lock the joints that a log has not; none where it has other joints."""
     fitting = missing and len(missing) < len(names) and set(known) <= set(names)
     return f"; if the others did not move: --lock {' '.join(missing)}" if fitting else ""
-
-
-class MotorEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """Motor in a drives file: its columns in a log, and its torque constant in N m (N) for a unit of its column."""
-
-    name: Name
-    position: Name
-    torque: Name
-    velocity: Name | None = None
-    torque_constant: float | Literal["unknown"] | None = None
-
-
-class UnitsEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """Units of a log's columns in a drives file, as symbols."""
-
-    time: str
-    position: str
-    torque: str
-    velocity: str | None = None
-
-
-class PayloadEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """
-    Body in a drives file, fixed to a link in one log from `after` s on: kg, m and kg m^2 in the link's frame.
-
-    What is left out of mass, centre and inertia is identified.
-    """
-
-    log: Name
-    link: Name
-    mass: float | None = None
-    center_of_mass: Triple | None = None
-    inertia_at_center: Tensor | None = None
-    after: float = -math.inf
-
-    @property
-    def is_known(self) -> bool:
-        """True if mass, centre and inertia are given."""
-        return None not in (self.mass, self.center_of_mass, self.inertia_at_center)
-
-
-class DrivesFile(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """Content of a drives file: transmission (row: motor, column: joint), motors, columns, units and payloads."""
-
-    schema: Literal["adaptctl/drives/1"]
-    joints: Annotated[list[Name], msgspec.Meta(min_length=1, max_length=MAX_ENTRIES)]
-    transmission: Annotated[list[list[float]], msgspec.Meta(min_length=1, max_length=MAX_ENTRIES)]
-    motors: Annotated[list[MotorEntry], msgspec.Meta(min_length=1, max_length=MAX_ENTRIES)]
-    time: Name
-    units: UnitsEntry
-    joint_offsets: list[float] | None = None
-    joint_offsets_deg: list[float] | None = None
-    payloads: list[PayloadEntry] = []
-    source: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,7 +94,10 @@ class Drives:
         if len(self.motors) != r:
             raise InputError(f"drives: motors: expected one per joint ({r}), got {len(self.motors)}")
         transmission = frozen_array(self.transmission, (r, r), "drives: transmission")
-        _validate_turning(transmission, self.joints, self.motors, "drives: transmission")
+        if wrong := list(
+            wrong_turning(transmission, self.joints, [m.name for m in self.motors], "drives: transmission")
+        ):
+            raise InputError("; ".join(wrong))
         object.__setattr__(self, "transmission", transmission)
         object.__setattr__(self, "offsets", frozen_array(self.offsets, (r,), "drives: offsets"))
 
@@ -430,65 +335,18 @@ def read_drives(path: str | Path) -> Drives:
     ('elbow',)
     """
     content = read_toml(path, DrivesFile)
-    try:
-        return _checked(content)
-    except InputError as error:
-        raise FileError(f"{path}: {error}") from error
-
-
-def _checked(content: DrivesFile) -> Drives:
-    r = len(content.joints)
-    if len(set(content.joints)) < r:
-        raise InputError("$.joints: expected unique names")
-    if len(content.motors) != r or len(content.transmission) != r or any(len(row) != r for row in content.transmission):
-        raise InputError(
-            f"$.transmission: expected a row for each of {len(content.motors)} motors, each with a number for each "
-            f"of {r} joints, as many motors as joints"
-        )
-    transmission = frozen_array(content.transmission, (r, r), "$.transmission")
-    _validate_turning(transmission, content.joints, content.motors, "$.transmission")
-    for i, motor in enumerate(content.motors):
-        k = motor.torque_constant
-        if isinstance(k, float) and not (math.isfinite(k) and k):
-            raise InputError(f"$.motors[{i}].torque_constant: expected a number other than 0 or 'unknown', got {k}")
-    units = Units.checked(**{name: getattr(content.units, name) for name in ("time", "position", "torque", "velocity")})
-    _validate_constants(content, units)
+    if wrong := list(wrong_drives(content)):
+        text = read_text(path)
+        raise FileError(f"{path}: {told_all([with_line(one, text) for one in wrong])}")
+    units, r = content.units, len(content.joints)
+    pairs = zip(content.motors, content.joints, strict=True)
     return Drives(
         tuple(content.joints),
-        transmission,
-        _offsets(content, r),
-        tuple(content.motors),
+        np.array(content.transmission),
+        np.zeros(r) if (offsets := joint_offsets(content)) is None else np.array(offsets),
+        tuple(replace(motor, name=motor.name or joint) for motor, joint in pairs),
         content.time,
-        units,
+        Units.checked(units.time, units.position, units.torque, units.velocity),
         tuple(content.payloads),
         content.source.strip(),
     )
-
-
-def _validate_turning(transmission: Array, joints: Sequence[str], motors: Sequence[MotorEntry], what: str) -> None:
-    for i, (motor, joint) in enumerate(zip(motors, joints, strict=True)):
-        if not transmission[i, i]:
-            raise InputError(f"{what}[{i}]: motor {motor.name!r} must turn its own joint {joint!r}")
-    if not np.linalg.cond(transmission) < 1e6:
-        raise InputError(f"{what}: the matrix is singular: the motors do not determine the joints")
-
-
-def _validate_constants(content: DrivesFile, units: Units) -> None:
-    for i, motor in enumerate(content.motors):
-        if units.torque is None and motor.torque_constant is None:
-            raise InputError(
-                f"$.motors[{i}].torque_constant is missing: {content.units.torque!r} is not a torque; give N m per "
-                "unit of it, or 'unknown'"
-            )
-        if units.torque is not None and motor.torque_constant not in (None, 1.0, -1.0):
-            raise InputError(
-                f"$.motors[{i}].torque_constant: the log has torques in {content.units.torque}; remove it, or give -1 "
-                "for torques of the other sign"
-            )
-
-
-def _offsets(content: DrivesFile, r: int) -> Array:
-    if content.joint_offsets is not None and content.joint_offsets_deg is not None:
-        raise InputError("the joint offsets are given twice; give either joint_offsets (rad) or joint_offsets_deg")
-    degrees = np.radians(content.joint_offsets_deg) if content.joint_offsets_deg is not None else np.zeros(r)
-    return frozen_array(degrees if content.joint_offsets is None else content.joint_offsets, (r,), "$.joint_offsets")

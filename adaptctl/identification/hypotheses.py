@@ -95,7 +95,8 @@ def compared_hypotheses(
     tried.extend(own.trial._replace(named=i == best) for i, own in enumerate(found))
     alike = _alike([own for own in found if own.hypothesis.refuses], error)
     if best is None:
-        return LogMeaning(tuple(tried), None, False, *rows.file_slopes(), alike)
+        unit = rows.other_unit()
+        return LogMeaning(tuple(tried), unit, unit is not None, *rows.file_slopes(), alike)
     hypothesis, trial, names = found[best].hypothesis, found[best].trial, ", ".join(rows.sources)
     sentence = (
         f"{names}: {trial.words}: if so, the error of the consistent estimate falls from {error:.2%} to "

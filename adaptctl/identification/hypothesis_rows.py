@@ -22,6 +22,7 @@ from adaptctl.identification.least_squares import weighted_least_squares
 from adaptctl.identification.normal_equations import NormalEquations
 from adaptctl.identification.payloads import without_payloads
 from adaptctl.identification.preparation import PreparationStep, derivative, filtered
+from adaptctl.logs.units import TORQUE
 
 # Rows are w*tau = (w*Y) D with the kernel w of the other fits, but with accelerations from differences of the smoothed
 # positions, so that one regressor for each sample serves; the differences are as smooth as the filter w makes them.
@@ -163,15 +164,35 @@ class HypothesisRows:
         prior = evidence.prior_of(self.settings)
         return consistent_estimate(A * np.outer(mask, mask), b * mask, prior, PRIOR_WEIGHT)
 
-    def file_slopes(self) -> tuple[PreparationStep, bool]:
-        """Line on torques over those of the file's links, often placeholders, and if all seem on gears' other side."""
+    @cached_property
+    def _slopes(self) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Slopes (r,) of the torques on those of the file's links, shares (r,) so explained, and mask of large ones."""
         tens = self.evidence.prior.tens.ravel()
         links = self.rows.regressor[..., : tens.size] @ tens
-        slopes, shares = _each_joint(self.rows, links, self.used)
+        return *_each_joint(self.rows, links, self.used), self._large(links)
+
+    def other_unit(self) -> str | None:
+        """Sentence on torques that are a thousandth or a thousand of those of the file's links, as another unit is."""
+        slopes, shares, large = self._slopes
+        units = {TORQUE["N m"]: ("N m", "mN m"), TORQUE["mN m"]: ("mN m", "N m")}
+        own = self.evidence.drives.units.torque
+        if own not in units or self.evidence.prior.is_placeholder or not self._steady(slopes[large], shares[large]):
+            return None
+        stated, meant = units[own]
+        slope = float(np.median(slopes[large]))
+        if not 0.5 < slope * TORQUE[meant] / own < 2.0:
+            return None
+        return (
+            f"{', '.join(self.sources)}: all torques are about {slope:.2g} times those of the robot file's links: "
+            f"{meant} taken for {stated}; give torque={meant!r} as their unit"
+        )
+
+    def file_slopes(self) -> tuple[PreparationStep, bool]:
+        """Line on torques over those of the file's links, often placeholders, and if all seem on gears' other side."""
+        slopes, shares, large = self._slopes
         names = [joint.name for joint in self.evidence.mechanism.primary_joints]
         each = [f"{n} {slope:.2g} ({share:.0%})" for n, slope, share in zip(names, slopes, shares, strict=True)]
         told = f"{', '.join(each)} of their variation beside friction explained"
-        large = self._large(links)
         geared = not self.evidence.prior.is_placeholder and self._geared(slopes[large], shares[large])
         side = f"; all about {np.median(slopes[large]):.2g}: are they on the other side of gears?" if geared else ""
         return PreparationStep("torques over the file's", told + side), geared
@@ -185,10 +206,13 @@ class HypothesisRows:
 
     def _geared(self, slopes: Array, shares: Array) -> bool:
         """True if joints' slopes, with the shares explained, are alike and so far from 1 as a gear would make them."""
-        least, most = np.abs(slopes).min(), np.abs(slopes).max()
+        most = np.abs(slopes).max()
         gears = bool(np.abs(self.evidence.drives.transmission).max() > OTHER_SIDE)
-        steady = bool(shares.min() > EXPLAINED and most < ALIKE * least)
-        return steady and bool(most < 1 / OTHER_SIDE or (gears and most > OTHER_SIDE))
+        return self._steady(slopes, shares) and bool(most < 1 / OTHER_SIDE or (gears and most > OTHER_SIDE))
+
+    def _steady(self, slopes: Array, shares: Array) -> bool:
+        """True if slopes explain much and are alike."""
+        return bool(shares.min() > EXPLAINED and np.abs(slopes).max() < ALIKE * np.abs(slopes).min())
 
 
 def relative_error(equations: NormalEquations, x: Array) -> float:

@@ -52,6 +52,7 @@ from adaptctl.identification.springs import (
 from adaptctl.identification.taking import with_instants
 from adaptctl.identification.torque_constants import Completion, completed, is_complete, with_constants
 from adaptctl.identification.uncertainty import combinations, essential_components, uncertainty
+from adaptctl.identification.unknown_columns import unused_joints
 from adaptctl.identification.validation import alternatives, validate_plausible
 from adaptctl.logs.arrow import forget
 from adaptctl.stages import stage
@@ -185,6 +186,8 @@ def identify(
     tables = [[read_log(path, topic) for path in paths] for paths in (given, file_paths(validate))]
     if known is None:
         known = joint_columns(mechanism, tables[0][0], columns, units, sample_rate is None)
+    unused = unused_joints(tables[0][0], known, mechanism)
+    tables[0][0] = replace(tables[0][0], notes=(*tables[0][0].notes, *unused))
     turned = with_unknown_payloads(known.ordered_like(mechanism), given, payloads, payload_mass, payload_after)
     train, test = ([joint_log(log, turned, sample_rate) for log in logs] for logs in tables)
     if compensated:
@@ -192,18 +195,19 @@ def identify(
             validate_not_added(log)
         train, test = ([with_own_gravity(log, mechanism, turned) for log in logs] for logs in (train, test))
     forget(tables)  # of which the logs have copies
-    return identified(
-        mechanism,
-        turned,
-        train,
-        test,
-        skip_steps=skip_steps,
-        friction=None if friction is None else FrictionModel.named(friction),
-        cutoff=cutoff,
-        prior_weight=prior_weight,
-        instrumental_variables=instrumental_variables,
-        trust_log=trust_log,
-    )
+    with told_first([f"{train[0].source}: {note}" for note in unused]):
+        return identified(
+            mechanism,
+            turned,
+            train,
+            test,
+            skip_steps=skip_steps,
+            friction=None if friction is None else FrictionModel.named(friction),
+            cutoff=cutoff,
+            prior_weight=prior_weight,
+            instrumental_variables=instrumental_variables,
+            trust_log=trust_log,
+        )
 
 
 def identified(

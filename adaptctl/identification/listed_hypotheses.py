@@ -14,6 +14,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.identification.delay import Delay
 from adaptctl.identification.hypothesis_rows import HypothesisRows, relative_error
 from adaptctl.identification.normal_equations import NormalEquations
+from adaptctl.logs.units import POSITION
 
 # Factor of one torque from which on it is no calibration; octaves that are tried, and steps of the search in one.
 LEAST_SCALE, OCTAVES, SCALE_STEPS = 2.0, 10, 8
@@ -49,6 +50,7 @@ def listed_hypotheses(rows: HypothesisRows, delay: Delay) -> Iterator[Hypothesis
         refuses=False,
         holds=lambda x: delay.counts,
     )
+    yield from _units(rows)
     yield from _signs(rows)
     yield from _swaps(rows)
     yield from _zeros(rows)
@@ -75,6 +77,18 @@ def _moved(rows: HypothesisRows, change: Array, shift: Array | float = 0.0) -> A
 
 def _both(rows: HypothesisRows, moved: Array, mixed: Array) -> NormalEquations:
     return rows.sums(_moved(rows, moved), rows.rows.torque @ _mixing(rows, mixed).T)
+
+
+def _units(rows: HypothesisRows) -> Iterator[Hypothesis]:
+    """Angles in rad that were stated in deg, and in deg stated in rad."""
+    turns = [joint.kind.is_revolute for joint in rows.evidence.mechanism.primary_joints]
+    others = {POSITION["deg"]: ("rad", "deg"), POSITION["rad"]: ("deg", "rad")}
+    own = rows.evidence.drives.units.position
+    if own in others and any(turns):
+        meant, stated = others[own]
+        change = np.diag(np.where(turns, POSITION[meant] / own, 1.0))
+        words, remedy = f"positions are in {meant}, not {stated}", f"give position={meant} as their unit"
+        yield Hypothesis("unit of positions", words, remedy, partial(_both, rows, change, np.eye(len(turns))))
 
 
 def _signs(rows: HypothesisRows) -> Iterator[Hypothesis]:

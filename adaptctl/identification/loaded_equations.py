@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from adaptctl.arrays import Array, positive_number
 from adaptctl.description.inertia import from_center_of_mass, is_physically_consistent, transformed
 from adaptctl.description.readers.entries import Tensor
-from adaptctl.identification.drives_file import PayloadEntry
+from adaptctl.identification.drives_content import PayloadEntry
 from adaptctl.identification.entropic import EntropicPrior
 from adaptctl.identification.filtered_dynamics import Rows
 from adaptctl.identification.fit import FitSettings, LogEvidence

@@ -16,7 +16,8 @@ from adaptctl.description.places import PlaceOnLink, place_on_link
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identification.columns import same_place
-from adaptctl.identification.drives_file import Drives, PayloadEntry
+from adaptctl.identification.drives_content import PayloadEntry
+from adaptctl.identification.drives_file import Drives
 from adaptctl.identification.filtered_dynamics import Rows, SmoothMotion
 
 # Periods of a row's cut-off around the instant at which a body is taken, in which rows do not count.

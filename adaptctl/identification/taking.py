@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.identification.columns import same_place
-from adaptctl.identification.drives_file import Drives, PayloadEntry
+from adaptctl.identification.drives_content import PayloadEntry
+from adaptctl.identification.drives_file import Drives
 from adaptctl.identification.fit import FitSettings, LogEvidence
 from adaptctl.identification.friction_model import SIMPLE_FRICTION
 from adaptctl.identification.least_squares import least_squares, weighted_least_squares

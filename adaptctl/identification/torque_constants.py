@@ -14,7 +14,8 @@ from adaptctl.description.inertia import LOWER, transformed
 from adaptctl.description.readers.entries import Tensor
 from adaptctl.errors import InputError
 from adaptctl.identification.columns import JointLog
-from adaptctl.identification.drives_file import Drives, PayloadEntry
+from adaptctl.identification.drives_content import PayloadEntry
+from adaptctl.identification.drives_file import Drives
 from adaptctl.identification.fit import LogEvidence
 from adaptctl.identification.identified_payload import ENTRIES, IdentifiedPayload
 from adaptctl.identification.least_squares import least_squares

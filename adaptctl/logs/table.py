@@ -48,7 +48,9 @@ class LogTable:
     def column(self, name: str, what: str) -> Array:
         """Column (n,) that is finite in each row."""
         if name not in self.columns:
-            raise FileError(f"{self.source}: no column {name!r} for {what}; {self._known(name)}")
+            raise FileError(
+                f"{self.source}: no column {name!r} for {what}; {self.near(name) or f'columns: {self.listed()}'}"
+            )
         values = self.columns[name]
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
@@ -67,11 +69,16 @@ class LogTable:
             )
         return values
 
-    def _known(self, name: str) -> str:
+    def near(self, name: str) -> str:
+        """Words that offer columns of a similar name; empty where there are none."""
         names = list(self.columns)
         near = get_close_matches(name, names, 3) or [other for other in names if name and other.startswith(name)][:3]
-        listed = ", ".join(near or names[:12]) + ("" if near or len(names) <= 12 else f", ... ({len(names)} in all)")
-        return f"{'did you mean' if near else 'columns:'} {listed}"
+        return f"did you mean {', '.join(near)}" if near else ""
+
+    def listed(self, most: int = 12) -> str:
+        """Names of the first columns, and how many there are if these are not all."""
+        names = list(self.columns)
+        return ", ".join(names[:most]) + (f", ... ({len(names)} in all)" if len(names) > most else "")
 
     def rows(self, kept: NDArray[np.bool_], note: str = "") -> LogTable:
         """Part of the rows by a mask (n,), and a note on the others where there are any."""

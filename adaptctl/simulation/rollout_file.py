@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from adaptctl.arrays import Array, frozen
+from adaptctl.content_words import earlier_schema
 from adaptctl.errors import FileError, InputError, printable
-from adaptctl.files import earlier_schema, hashed, replacing, validate_readable
+from adaptctl.files import hashed, replacing, validate_readable
 from adaptctl.optional_packages import needed
 
 if TYPE_CHECKING:

@@ -1,0 +1,154 @@
+"""Refusals of columns and units that are not known, each with all that is missing and the flags that state it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from itertools import count, takewhile
+from shlex import split
+
+import numpy as np
+
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.identification.column_names import (
+    CURRENTS,
+    as_word,
+    joint_names,
+    likely_pair,
+    likely_time,
+    offer,
+    words_of,
+)
+from adaptctl.identification.drives_file import Drives
+from adaptctl.logs.table import LogTable
+
+MARKS = "({}: number of the joint from 1, {0}: from 0, {joint}: its name)"
+NAMED_UNITS = {
+    **{unit: unit for unit in ("ms", "us", "ns", "deg", "rpm")},
+    **{"degrees": "deg", "nm": "N m", "mnm": "mN m"},
+}
+"""units that the last word of a column's name may be"""
+SI = {"time": "s", "position": "rad", "torque": "N m", "velocity": "rad/s"}
+MANY, TURN_AND_HALF = 30, 9.5
+"""columns that are listed, and rad that few joints go beyond"""
+RATE = "the rate of even rows: --sample-rate HZ"
+DRIVES = "or give a drives file, which --template FILE writes"
+
+
+def validate_numbers(what: str, pattern: str, joints: list[str], log: LogTable) -> None:
+    """Refuse a pattern with numbers of joints that has more columns than the robot has joints."""
+    for mark, first in (("{}", 1), ("{0}", 0)):
+        if mark not in pattern:
+            continue
+        names = (pattern.replace(mark, str(k)) for k in count(first))
+        found = list(takewhile(lambda name: name in log.columns, names))
+        if len(found) > len(joints):
+            unused = ", ".join(found[len(joints) :])
+            raise InputError(
+                f"{log.source}: {what}={pattern} has {len(found)} columns, but the robot {len(joints)} joints "
+                f"({', '.join(joints)}): {unused} would be unused; give the robot of this log, or name the columns of "
+                f"its joints: --columns {as_word(what + '=' + ','.join(found[: len(joints)]))}"
+            )
+
+
+def validate_known(
+    log: LogTable,
+    joints: list[str],
+    given: Mapping[str, str],
+    named: Mapping[str, list[str]],
+    symbols: Mapping[str, str],
+) -> None:
+    """Raise `InputError` where columns or units are unknown: one for all, with the flags that would state them."""
+    absent = {what: missing for what, names in named.items() if (missing := [n for n in names if n not in log.columns])}
+    unknown = [what for what in ("position", "torque") if what not in named]
+    unitless = [what for what in SI if what in (*named, *unknown) and what not in symbols]
+    if unknown and log.numbered:
+        lacking = f"has no line of column names, and {len(log.columns)} columns; give their numbers"
+        raise InputError(f"{log.source}: {lacking}, {offer(log, len(joints))}")
+    wrong = [what for what in absent if what in given]
+    found = [(_absent(absent[what][0], what, log), "") for what in wrong]
+    if unknown:
+        problem = f"the columns of each joint's {' and '.join(unknown)} are unknown"
+        found.append((problem, _columns_remedy(log, joints, unknown)))
+    if "time" in absent and "time" not in given:
+        found.append(("no column 'time' for the time", f"specify it: --columns {likely_time(log)}, or {RATE}"))
+    if unitless:
+        remedy = f"give {_units_flag(log, {what: named.get(what, []) for what in unitless})}, or others"
+        found.append((f"the units of {', '.join(unitless)} are unknown", remedy))
+    if len(found) == 1 and wrong:
+        log.column(absent[wrong[0]][0], wrong[0])
+    if len(found) == 1:
+        raise InputError(f"{log.source}: {'; '.join(found[0])}")
+    if found:
+        flags = _all_flags(log, joints, given, named, symbols, [*absent, *unknown])
+        raise InputError(
+            f"{log.source}: {'; '.join(problem for problem, _ in found)}; as far as names tell: {flags} "
+            f"{MARKS}, {DRIVES}; columns: {log.listed(MANY)}"
+        )
+
+
+def _absent(name: str, what: str, log: LogTable) -> str:
+    near = log.near(name)
+    return f"no column {name!r} for {what}{f' ({near}?)' if near else ''}"
+
+
+def _columns_remedy(log: LogTable, joints: list[str], unknown: list[str]) -> str:
+    pairs = " ".join(likely_pair(what, joints, log) for what in unknown)
+    return f"specify them with --columns, such as {pairs} {MARKS}, {DRIVES}; columns: {log.listed(MANY)}"
+
+
+def _all_flags(
+    log: LogTable,
+    joints: list[str],
+    given: Mapping[str, str],
+    named: Mapping[str, list[str]],
+    symbols: Mapping[str, str],
+    lacking: Sequence[str],
+) -> str:
+    """Flags with what was given and is there, and what is likely for the rest."""
+    pairs = {what: as_word(f"{what}={text}") for what, text in given.items() if what not in lacking}
+    if "time" in lacking:
+        pairs["time"] = likely_time(log)
+    pairs |= {what: likely_pair(what, joints, log) for what in ("position", "torque") if what in lacking}
+    columns = {what: [split(pair)[0].partition("=")[2]] for what, pair in pairs.items()}
+    columns |= {what: names for what, names in named.items() if what not in lacking}
+    told = {what: joint_names(names[0], joints, log) if "{" in names[0] else names for what, names in columns.items()}
+    ordered = " ".join(pairs[what] for what in SI if what in pairs)
+    return f"--columns {ordered} {_units_flag(log, told, symbols)}" if pairs else _units_flag(log, told, symbols)
+
+
+def _units_flag(log: LogTable, named: Mapping[str, list[str]], symbols: Mapping[str, str] | None = None) -> str:
+    """Units that were stated, and likely ones."""
+    units = {what: (symbols or {}).get(what) or likely_unit(what, names, log) for what, names in named.items()}
+    return f"--units {' '.join(as_word(f'{what}={units[what]}') for what in SI if what in units)}"
+
+
+def likely_unit(what: str, names: list[str], log: LogTable) -> str:
+    """Unit that a column's name ends with, else by the size of its numbers, else that of SI."""
+    name = names[0] if names else ""
+    last = re.split(r"[\W_]+", name.rstrip("])"))[-1].lower()
+    if last in NAMED_UNITS:
+        return NAMED_UNITS[last]
+    if what == "torque" and any(word in CURRENTS for word in words_of(name)):
+        return "A"
+    values = log.columns.get(name)
+    if values is None or not np.isfinite(values).all() or len(values) < 2:
+        return SI[what]
+    if what == "time":
+        step = abs(float(np.median(np.diff(values))))
+        return next((unit for unit, least in (("ns", 1e5), ("us", 100.0), ("ms", 0.1)) if step > least), "s")
+    return "deg" if what == "position" and np.abs(values).max() > TURN_AND_HALF else SI[what]
+
+
+def unused_joints(log: LogTable, drives: Drives, mechanism: Mechanism) -> list[str]:
+    """Words on joints that a log has columns of, and the robot has not; none where columns have no joints' names."""
+    motor, joint = drives.motors[0], drives.joints[0]
+    if joint not in motor.position or joint not in motor.torque:
+        return []
+    names = [re.escape(name).replace(re.escape(joint), "(.+)", 1) for name in (motor.position, motor.torque)]
+    found = [{own[1]: None for column in log.columns if (own := re.fullmatch(name, column))} for name in names]
+    known = {link.joint.name for link in mechanism.description.links} | set(mechanism.description.locked)
+    others = [name for name in found[0] if name in found[1] and name not in known]
+    told = f"columns of {', '.join(others)} are unused: {mechanism.name} has no such joints"
+    return [told] if others else []
