@@ -199,7 +199,7 @@ def test_a_cut_last_line_of_utf_16_is_left_out(mark: bytes, between: str, lost: 
 
 
 def test_long_utf_16_is_read_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("adaptctl.logs.text.HEAD", 3000)
+    monkeypatch.setattr("adaptctl.logs.text_form.HEAD", 3000)
     (tmp_path / "log.csv").write_bytes(b"\xfe\xff" + lines(ROWS, ["time", *HEAD]).encode("utf-16-be"))
     assert len(read_log(tmp_path / "log.csv")) == len(ROWS)
 

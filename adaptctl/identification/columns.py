@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from adaptctl.identification.complete_rows import complete_rows
 from adaptctl.identification.drives_content import MotorEntry
 from adaptctl.identification.drives_file import Drives, locking
 from adaptctl.identification.unknown_columns import validate_known, validate_numbers
+from adaptctl.logs.on_disk import release, rowwise
 from adaptctl.logs.table import LogTable
 from adaptctl.logs.units import POSITION, TIME, TORQUE, VELOCITY, spaced
 
@@ -45,8 +46,8 @@ def joint_log(log: LogTable, drives: Drives, sample_rate: float | None = None) -
     _validate_there(log, _used(drives))
     log = complete_rows(log, _used(drives), None if sample_rate is not None else drives.time)
     time = _time(log, drives, sample_rate)
-    position = np.stack([log.column(m.position, f"position of {m.name}") for m in drives.motors], axis=-1)
-    torque = np.stack([log.column(m.torque, f"torque of {m.name}") for m in drives.motors], axis=-1)
+    position = [log.column(m.position, f"position of {m.name}") for m in drives.motors]
+    torque = [log.column(m.torque, f"torque of {m.name}") for m in drives.motors]
     if len(log) < MIN_SAMPLES:
         raise FileError(
             f"{log.source}: has {len(log)} samples; at least {MIN_SAMPLES} are needed, a few seconds of motion"
@@ -55,13 +56,13 @@ def joint_log(log: LogTable, drives: Drives, sample_rate: float | None = None) -
     still = [f"the joint is at rest throughout; if it is held, lock it: --lock {name}" for name in names]
     _validate_change(log, [m.position for m in drives.motors], position, still)
     _validate_change(log, [m.torque for m in drives.motors], torque, ["no torque was logged"] * len(names))
-    _validate_counted(log, drives, position * drives.units.position)
+    _validate_counted(log, drives, position)
     constants = np.nan_to_num(drives.constants, nan=1.0)
     return JointLog(
         log.source,
         time,
-        drives.position(position * drives.units.position),
-        drives.torque(torque * (drives.units.torque or 1.0) * constants),
+        _of_joints(lambda values: drives.position(values * drives.units.position), position),
+        _of_joints(lambda values: drives.torque(values * (drives.units.torque or 1.0) * constants), torque),
         _velocity(log, drives),
         tuple(f"{log.source}: {note}" for note in log.notes),
     )
@@ -71,6 +72,11 @@ def _validate_there(log: LogTable, names: list[str]) -> None:
     """Refuse a log without several of the columns, by all of their names."""
     if len(absent := [name for name in dict.fromkeys(names) if name not in log.columns]) > 1:
         raise FileError(f"{log.source}: no columns {', '.join(map(repr, absent))}; columns: {log.listed()}")
+
+
+def _of_joints(compute: Callable[[Array], Array], columns: Sequence[Array]) -> Array:
+    """Joints' values (n, r) of motors' columns (n,)."""
+    return rowwise(lambda *rows: compute(np.stack(rows, axis=-1)), *columns)
 
 
 def _used(drives: Drives) -> list[str]:
@@ -84,40 +90,45 @@ def _velocity(log: LogTable, drives: Drives) -> Array | None:
     if drives.units.velocity is None or None in names:
         return None
     columns = [log.column(name, f"velocity of {m.name}") for m, name in zip(drives.motors, names, strict=True) if name]
-    return drives.velocity(np.stack(columns, axis=-1) * drives.units.velocity)
+    factor = drives.units.velocity
+    return _of_joints(lambda values: drives.velocity(values * factor), columns)
 
 
 def _time(log: LogTable, drives: Drives, rate: float | None) -> Array:
     if rate is not None:
-        return np.arange(len(log)) / rate
+        return rowwise(lambda number: number[:, None] / rate, np.arange(float(len(log))))[:, 0]
     own = log.units.get(drives.time, "")
     if TIME.get(own, drives.units.time) != drives.units.time:
         raise FileError(f"{log.source}: column {drives.time!r} is in {own}; leave out another unit of time")
     stamps = log.column(drives.time, "time")
     steps = np.diff(stamps)
-    if np.any(steps <= 0.0):
+    if len(steps) and steps.min() <= 0.0:
         row = int(np.argmax(steps <= 0.0))
         kind = "repeated" if steps[row] == 0.0 else "smaller than the previous one"
         raise FileError(
             f"{log.source}: column {drives.time!r}: the stamp {stamps[row + 1]:g} of row {row + 2} is {kind}; time "
             "must increase from row to row; remove repeated rows, sort them, or split the log"
         )
-    if len(steps) and np.all(steps == 1.0) and drives.units.time > 1e-3:
+    if len(steps) and steps.min() == steps.max() == 1.0 and drives.units.time > 1e-3:
         raise FileError(
             f"{log.source}: column {drives.time!r} counts rows (0, 1, 2, ...) and is not a time; give the sampling "
             "rate with --sample-rate HZ"
         )
-    return np.asarray(stamps * drives.units.time)
+    return rowwise(lambda own: own[:, None] * drives.units.time, stamps)[:, 0]
 
 
-def _validate_counted(log: LogTable, drives: Drives, position: Array) -> None:
+def _jumps_by_turns(position: Array) -> bool:
+    """True for positions (n,) in rad within one turn, which jump by it."""
+    release()
+    if not 1.8 * np.pi < np.ptp(position) <= 2.001 * np.pi:
+        return False
+    steps = np.abs(np.diff(position))
+    return bool(steps.max() > 1.5 * np.pi and np.median(steps) < 0.25 * np.pi)
+
+
+def _validate_counted(log: LogTable, drives: Drives, position: Sequence[Array]) -> None:
     """Refuse positions within one turn of a shaft that turns more often than its joint."""
-    steps = np.abs(np.diff(position, axis=0))
-    if steps.max() <= 1.5 * np.pi:
-        return
-    width = np.ptp(position, axis=0)
-    jumps = (steps.max(axis=0) > 1.5 * np.pi) & (np.median(steps, axis=0) < 0.25 * np.pi)
-    jumps &= (width > 1.8 * np.pi) & (width <= 2.001 * np.pi)
+    jumps = np.array([_jumps_by_turns(own * drives.units.position) for own in position])
     for i in np.flatnonzero(jumps & ((np.abs(drives.transmission) - np.eye(len(jumps))) != 0.0).any(axis=1)):
         motor, joint = drives.motors[i], drives.joints[i]
         raise FileError(
@@ -127,9 +138,10 @@ def _validate_counted(log: LogTable, drives: Drives, position: Array) -> None:
         )
 
 
-def _validate_change(log: LogTable, names: list[str], values: Array, meanings: list[str]) -> None:
-    for name, still, meaning in zip(names, np.ptp(values, axis=0) == 0.0, meanings, strict=True):
-        if still:
+def _validate_change(log: LogTable, names: list[str], values: Sequence[Array], meanings: list[str]) -> None:
+    for name, own, meaning in zip(names, values, meanings, strict=True):
+        release()
+        if np.ptp(own) == 0.0:
             raise FileError(
                 f"{log.source}: column {name!r} is {log.columns[name][0]:g} in every row: {meaning}; or give "
                 "another column or log"

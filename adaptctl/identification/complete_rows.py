@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +46,7 @@ def _empty(log: LogTable, names: Sequence[str]) -> dict[str, NDArray[np.bool_]]:
 def _without_empty(log: LogTable, names: Sequence[str], time: str) -> LogTable:
     """Table without rows of other topics, and with straight lines between the numbers of each topic."""
     empty = _empty(log, [time, *names])
-    void = empty[time] | np.all([empty[name] for name in names], axis=0)
+    void = empty[time] | reduce(np.logical_and, [empty[name] for name in names])
     if void.all():
         raise FileError(f"{log.source}: the columns {', '.join(names)} are empty in all rows that have a {time!r}")
     log = log.rows(~void, f"{int(void.sum())} rows without content were left out")
@@ -85,7 +86,7 @@ def _lines(stamps: Array, values: Array, given: NDArray[np.bool_]) -> tuple[Arra
 
 def _without_ends(log: LogTable, names: Sequence[str]) -> LogTable:
     """Table without rows at its ends that have no number, as before a publisher's first message."""
-    good = np.all([np.isfinite(log.columns[name]) for name in names] or [np.ones(len(log), dtype=bool)], axis=0)
+    good = reduce(np.logical_and, (np.isfinite(log.columns[name]) for name in names), np.ones(len(log), dtype=bool))
     if good.all() or not good.any():
         return log
     first, last = int(good.argmax()), len(good) - int(good[::-1].argmax())
@@ -98,8 +99,10 @@ def _without_ends(log: LogTable, names: Sequence[str]) -> LogTable:
 
 def _without_repeated(log: LogTable, names: Sequence[str], time: str) -> LogTable:
     """Table in which rows that are equal in stamp and values are there once."""
-    rows = np.stack([log.columns[name] for name in (time, *names)])
-    again = np.concatenate([[False], (rows[:, 1:] == rows[:, :-1]).all(axis=0)])
+    again = np.ones(len(log), dtype=np.bool_)
+    for column in map(log.columns.__getitem__, (time, *names)):
+        again[1:] &= column[1:] == column[:-1]
+    again[:1] = False
     return log.rows(~again, f"{int(again.sum())} rows that repeat the one before were left out")
 
 

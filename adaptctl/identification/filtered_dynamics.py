@@ -13,6 +13,7 @@ from adaptctl.arrays import Array
 from adaptctl.errors import InputError
 from adaptctl.identification.momentum_balance import MomentumBalance, PackedRegressor
 from adaptctl.identification.preparation import DIFFERENCE_MARGIN, PreparedLog, derivative, filtered, low_pass, padded
+from adaptctl.logs.on_disk import each_column
 
 # With a kernel w of finite length, tau = d/dt (h D) - f D becomes w*tau = (w'*h - w*f) D: the derivative falls on the
 # kernel. h and f are the regressors of the momenta and of the other forces, friction among them (`momentum_terms`).
@@ -20,7 +21,7 @@ from adaptctl.identification.preparation import DIFFERENCE_MARGIN, PreparedLog, 
 # Hz, of positions and velocities before the equations, which are not linear in them.
 MOTION_CUTOFF = 50.0
 # Length in s of the stretches that spectra are of, and the share of the speeds' squares that the motion's band has.
-SPECTRUM_LENGTH, BAND_SHARE = 8.0, 0.99
+SPECTRUM_LENGTH, BAND_SHARE, SEGMENTS_AT_ONCE = 8.0, 0.99, 16
 # Samples in a period of that cut-off: how densely the equations are evaluated.
 OVERSAMPLING = 10.0
 # Rows in a period of a row's own cut-off.
@@ -29,7 +30,6 @@ ROWS_PER_PERIOD = 4.0
 MIN_ROWS = 400
 # Samples evaluated at a time: enough that sums outweigh their calls.
 CHUNK_SAMPLES = 6000
-
 
 COLUMNS = ("time", "regressor", "torque", "change", "velocity", "log", "moving")
 
@@ -218,11 +218,28 @@ def motion_band(logs: Sequence[PreparedLog]) -> float:
     return max(_band(log) for log in logs)
 
 
+def position_spectrum(log: PreparedLog) -> tuple[Array, Array]:
+    """Frequencies (f,) in Hz and spectrum (f, r) of positions by Welch's method."""
+    length = min(len(log.time), max(64, round(SPECTRUM_LENGTH * log.rate)))
+    frequency = np.asarray(np.fft.rfftfreq(length, 1.0 / log.rate), dtype=np.float64)
+    return frequency, np.stack([_welch(own, log.rate, length) for own in each_column(log.position)], axis=-1)
+
+
+def _welch(column: Array, rate: float, length: int) -> Array:
+    """Mean spectrum of segments of a column, half of each in the next, of which some are in memory at a time."""
+    step = length - length // 2
+    count = (len(column) - length // 2) // step
+    total = np.zeros(length // 2 + 1)
+    for first in range(0, count, SEGMENTS_AT_ONCE):
+        own = min(SEGMENTS_AT_ONCE, count - first)
+        part = column[first * step : (first + own - 1) * step + length]
+        total += own * welch(part, rate, nperseg=length)[1]
+    return total / count
+
+
 def _band(log: PreparedLog) -> float:
     """Band (Hz) of one log, where the flat part of the spectrum of positions is noise, as its upper half has it."""
-    length = min(len(log.time), max(64, round(SPECTRUM_LENGTH * log.rate)))
-    each = [welch(column, log.rate, nperseg=length) for column in log.position.T]  # less memory than all at once
-    frequency, power = each[0][0], np.stack([own for _, own in each], axis=-1)
+    frequency, power = position_spectrum(log)
     upper = frequency > 0.5 * min(frequency[-1], 2.0 * MOTION_CUTOFF)
     noise = np.median(power[upper], axis=0)
     speed = np.maximum(power - 3.0 * noise, 0.0) * frequency[:, None] ** 2

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +17,8 @@ from adaptctl.description.joint import Joint
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identification.columns import JointLog
-from adaptctl.identification.preparation import MIN_GAP_PERIODS, PreparationStep, same_array, unwrapped
+from adaptctl.identification.preparation import MIN_GAP_PERIODS, PreparationStep, unwrapped, whole_ends
+from adaptctl.logs.on_disk import each_column, of_columns, release
 from adaptctl.stages import stage
 
 # Step over the 99th percentile of a column's steps, and in rad (m), from where on no joint does it; samples after which
@@ -38,25 +39,34 @@ DEAD_SHARE, OWN_VALUES = 3e-4, 0.5
 def checked_log(log: JointLog, mechanism: Mechanism) -> tuple[JointLog, list[PreparationStep]]:
     """Log whose impossible rows are filled from their neighbours, with notes on its faults, and facts about it."""
     joints, turns = mechanism.primary_joints, [joint.kind.is_revolute for joint in mechanism.primary_joints]
-    position, torque = log.position.copy(), log.torque.copy()
-    velocity = None if log.velocity is None else log.velocity.copy()
+    position, torque = list(log.position.T), list(log.torque.T)
+    velocity = None if log.velocity is None else list(log.velocity.T)
     filled: list[list[str]] = []
     periods = np.maximum(np.diff(log.time) / np.median(np.diff(log.time)), 1.0)
     for j, joint in enumerate(joints):
-        wrong, whole = _impossible(unwrapped(position[:, j]) if turns[j] else position[:, j], periods)
-        for column, values in ((position, whole), *([] if velocity is None else [(velocity, velocity[:, j])])):
-            column[:, j] = np.where(wrong, _filled(log.time, values, wrong), column[:, j])
-        spiked = _spiked(torque[:, j])
-        torque[:, j] = _filled(log.time, torque[:, j], spiked)
+        wrong, whole = _impossible(unwrapped(position[j]) if turns[j] else position[j], periods)
+        if wrong.any():
+            position[j] = np.where(wrong, _filled(log.time, whole, wrong), position[j])
+            if velocity is not None:
+                velocity[j] = _filled(log.time, velocity[j], wrong)
+        spiked = _spiked(torque[j])
+        torque[j] = _filled(log.time, torque[j], spiked)
+        release()
         words = _filled_words(log, joint, "positions that it cannot reach", wrong)
         filled.append(words + _filled_words(log, joint, "torques that stand out of their neighbours", spiked))
-    faults = _column_faults(log.time, position, torque, joints)
+    faults = list(_column_faults(log.time, position, torque, joints))
     notes = (note for pair in zip(filled, faults, strict=True) for own in pair for note in own)
     said = (*log.notes, *(f"{log.source}: {note}" for note in notes))
-    position, torque = same_array(log.position, position), same_array(log.torque, torque)
-    velocity = None if log.velocity is None or velocity is None else same_array(log.velocity, velocity)
-    checked = replace(log, position=position, torque=torque, velocity=velocity, notes=said)
+    rates = None if log.velocity is None or velocity is None else _of_columns(velocity, log.velocity)
+    positions, torques = _of_columns(position, log.position), _of_columns(torque, log.torque)
+    checked = replace(log, position=positions, torque=torques, velocity=rates, notes=said)
     return checked, list(_facts(checked, mechanism))
+
+
+def _of_columns(columns: Sequence[Array], before: Array) -> Array:
+    """Array (n, r) of columns; that from before where all are its own."""
+    unchanged = all(np.shares_memory(own, column) for own, column in zip(columns, before.T, strict=True))
+    return before if unchanged else of_columns(columns, *before.shape)
 
 
 def found_faults(logs: Sequence[JointLog], checked: Sequence[JointLog]) -> list[str]:
@@ -77,19 +87,20 @@ def told_first(faults: Sequence[str]) -> Iterator[None]:
 
 def still_joints(logs: Sequence[JointLog], mechanism: Mechanism) -> list[str]:
     """Names of the joints that stand still in all logs."""
-    ranges = np.ptp(np.concatenate([log.position for log in logs]), axis=0)
+    least, most = whole_ends([log.position for log in logs])
+    ranges = most - least
     return [joint.name for joint, moved in zip(mechanism.primary_joints, ranges, strict=True) if moved < LEAST_JUMP]
 
 
 def dead_joints(logs: Sequence[JointLog], mechanism: Mechanism) -> list[str]:
     """Names of the joints that move while their torques are dead, in any log."""
-    dead = np.any([_dead(log.position, log.torque) for log in logs], axis=0)
+    dead = np.any([_dead(each_column(log.position), each_column(log.torque)) for log in logs], axis=0)
     return [joint.name for joint, own in zip(mechanism.primary_joints, dead, strict=True) if own]
 
 
-def _dead(position: Array, torque: Array) -> NDArray[np.bool_]:
+def _dead(position: Iterable[Array], torque: Iterable[Array]) -> NDArray[np.bool_]:
     """Mask (r,) of the joints that move while their torques hardly change."""
-    widths, ranges = (np.array([np.ptp(own) for own in values.T]) for values in (position, torque))
+    widths, ranges = (np.array([np.ptp(own) for own in columns]) for columns in (position, torque))
     return np.asarray((widths > LEAST_JUMP) & (ranges < DEAD_SHARE * ranges.max()))
 
 
@@ -137,24 +148,27 @@ def _spiked(torque: Array) -> NDArray[np.bool_]:
     return np.asarray(off > max(SPIKE_SHARE * (high - low), SPIKE_RATIO * float(np.median(off)), 1e-12))
 
 
-def _column_faults(time: Array, position: Array, torque: Array, joints: Sequence[Joint]) -> Iterator[list[str]]:
+def _column_faults(
+    time: Array, position: Sequence[Array], torque: Sequence[Array], joints: Sequence[Joint]
+) -> Iterator[list[str]]:
     """Sentences on each joint's torque that is clipped, frozen or dead."""
-    moved, dead = _moved(position), _dead(position, torque)
-    any_moved = moved.any(axis=1)
+    any_moved, dead = _moved(position), _dead(position, torque)
     for j, joint in enumerate(joints):
-        own, unit = torque[:, j], joint.kind.effort_unit
+        release()
+        own, unit = torque[j], joint.kind.effort_unit
         if dead[j]:
             held = f"{own.mean():.3g} {unit} to within {np.ptp(own):.2g}"
             yield [f"the torque of joint {joint.name!r} is {held}: its sensor seems dead"]
         else:
-            yield [*_clipped_words(own[any_moved], joint), *_frozen_words(time, own, moved[:, j], joint)]
+            yield [*_clipped_words(own[any_moved], joint), *_frozen_words(time, own, position[j], joint)]
 
 
-def _moved(position: Array) -> NDArray[np.bool_]:
-    """Mask (n, r) of the positions that are not those of the row before."""
-    changed = np.zeros(position.shape, dtype=np.bool_, order="F")
-    for j in range(position.shape[1]):
-        changed[1:, j] = np.diff(position[:, j]) != 0.0
+def _moved(position: Sequence[Array]) -> NDArray[np.bool_]:
+    """Mask (n,) of the rows in which any position is not that of the row before."""
+    changed = np.zeros(len(position[0]), dtype=np.bool_)
+    for own in position:
+        changed[1:] |= own[1:] != own[:-1]
+        release()
     return changed
 
 
@@ -166,8 +180,8 @@ def _clipped_words(torque: Array, joint: Joint) -> Iterator[str]:
         )
 
 
-def _frozen_words(time: Array, torque: Array, moves: NDArray[np.bool_], joint: Joint) -> Iterator[str]:
-    start, end = _frozen(torque, moves, time)
+def _frozen_words(time: Array, torque: Array, position: Array, joint: Joint) -> Iterator[str]:
+    start, end = _frozen(torque, position, time)
     if end > start:
         yield (
             f"the torque of joint {joint.name!r} is frozen at {torque[start]:.4g} {joint.kind.effort_unit} from "
@@ -186,11 +200,13 @@ def _clipped(torque: Array) -> Iterator[tuple[float, int]]:
             yield float(each[0]), int(own[0])
 
 
-def _frozen(torque: Array, moves: NDArray[np.bool_], time: Array) -> tuple[int, int]:
+def _frozen(torque: Array, position: Array, time: Array) -> tuple[int, int]:
     """Longest run (start, end) of one torque while the joint moves; (0, 0) if it is no longer than usual."""
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(torque) != 0.0) + 1, [len(torque)]])
+    edges = np.concatenate([[0], np.flatnonzero(torque[1:] != torque[:-1]) + 1, [len(torque)]])
     lengths = np.diff(edges)
     at = int(np.argmax(lengths))
+    if lengths[at] < FROZEN_SAMPLES:
+        return 0, 0
     start, end = int(edges[at]), int(edges[at + 1])
     usual = float(np.percentile(lengths, 95.0))
     others = FEWER_RATIO * float(np.sort(lengths)[-min(5, len(lengths))])
@@ -198,7 +214,8 @@ def _frozen(torque: Array, moves: NDArray[np.bool_], time: Array) -> tuple[int, 
     long = (
         lengths[at] >= max(FROZEN_SAMPLES, FROZEN_RATIO * usual, others) and time[end - 1] - time[start] >= FROZEN_TIME
     )
-    return (start, end) if long and not extremes and moves[start:end].mean() > 0.5 else (0, 0)
+    moves = np.count_nonzero(np.diff(position[max(start - 1, 0) : end])) > 0.5 * (end - start)
+    return (start, end) if long and not extremes and moves else (0, 0)
 
 
 def _facts(log: JointLog, mechanism: Mechanism) -> Iterator[PreparationStep]:
@@ -213,10 +230,10 @@ def _facts(log: JointLog, mechanism: Mechanism) -> Iterator[PreparationStep]:
         f"{len(log)} rows of {np.ptp(log.time):.4g} s at {rate:.4g} Hz, at most {steps.max():.3g} s apart{held}",
     )
     names = [joint.name for joint in mechanism.primary_joints]
-    quanta = [_quantum(column) for column in log.position.T]
+    quanta = [_quantum(column) for column in each_column(log.position)]
     each = ", ".join(f"{name} {q:.2g}" for name, q in zip(names, quanta, strict=True) if q)
     yield PreparationStep(f"quanta of positions {of}", f"{each} rad (m)" if each else "below the noise")
-    still = [n for n, column in zip(names, log.position.T, strict=True) if np.ptp(column) < LEAST_JUMP]
+    still = [n for n, column in zip(names, each_column(log.position), strict=True) if np.ptp(column) < LEAST_JUMP]
     yield PreparationStep(f"still joints {of}", ", ".join(still) or "none")
 
 

@@ -22,9 +22,10 @@ from adaptctl.identification.fit import LogEvidence
 from adaptctl.identification.momentum_balance import MomentumBalance, PackedRegressor
 from adaptctl.identification.normal_equations import NormalEquations, block_edges, blocks_of
 from adaptctl.identification.preparation import PreparedLog
+from adaptctl.logs.on_disk import release
 
-# Bytes of all rows' regressors above which a log is long, and of those of the rows that are kept of one.
-LONG, KEPT = 256 * 2**20, 96 * 2**20
+# Bytes of all rows' regressors, or samples, above which a log is long; bytes of the rows that are kept of one.
+LONG, MANY, KEPT = 256 * 2**20, 2_000_000, 96 * 2**20
 # Samples of the smoothed motion in a stretch, at least, and s of the log before and after it.
 STRETCH, MARGIN = 20_000, 0.25
 
@@ -72,7 +73,9 @@ class _Grid:
         count = len(range(0, self.samples - own.taps + 1, own.every))
         at = motion.first + half + motion.every * own.every * np.arange(count)
         moving = self.log.moving
-        return self.log.time[at], moving[at - half] & moving[at] & moving[at + half]
+        time = self.log.time[at]
+        release()
+        return time, moving[at - half] & moving[at] & moving[at + half]
 
     def stretches(self) -> Iterator[_Stretch]:
         """Stretches of the motion, one after the other."""
@@ -87,9 +90,12 @@ class _Grid:
 
 
 def _cut(log: PreparedLog, start: int, end: int) -> PreparedLog:
+    """Part of a log, in memory."""
     here = slice(start, end)
-    parts = (getattr(log, name)[here] for name in ("time", "position", "torque", "moving"))
-    return PreparedLog(log.source, log.rate, *parts)
+    parts = (np.ascontiguousarray(getattr(log, name)[here]) for name in ("time", "position", "torque", "moving"))
+    cut = PreparedLog(log.source, log.rate, *parts)
+    release()
+    return cut
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,8 +110,9 @@ class Stretches:
 
     @property
     def are_long(self) -> bool:
-        """True if all rows together take too much memory."""
-        return sum(len(log.time) / log.rate for log in self.logs) * self._bytes > LONG
+        """True if all rows together, or samples at their rate, take too much memory."""
+        lasts = sum(len(log.time) / log.rate for log in self.logs)
+        return lasts * self._bytes > LONG or sum(len(log.time) for log in self.logs) > MANY
 
     @property
     def _bytes(self) -> float:
@@ -145,7 +152,9 @@ class Stretches:
 
     def windows(self) -> list[SmoothMotion]:
         """A part of each block, with as many rows of all together as are kept."""
-        most, ends = KEPT / self._bytes / len(self.edges), [*self.edges[1:], (len(self.logs), 0.0)]
+        samples = 8.0 * (2 * self.mechanism.dof + 1) * max(log.rate for log in self.logs)
+        most = KEPT / max(self._bytes, samples) / len(self.edges)
+        ends = [*self.edges[1:], (len(self.logs), 0.0)]
         found: list[SmoothMotion] = []
         for (k, begin), (other, end) in zip(self.edges, ends, strict=True):
             log = self.logs[k]

@@ -6,10 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import FileError, InputError
 from adaptctl.identification.columns import JointLog
 from adaptctl.identification.drives_file import Drives
+from adaptctl.logs.on_disk import rowwise
 from adaptctl.logs.table import LogTable
 
 ADDED = "flag.compensation."
@@ -28,7 +30,10 @@ def with_own_gravity(log: JointLog, mechanism: Mechanism, drives: Drives) -> Joi
     """Log with the torques that hold the links of the robot's file added, which the robot itself had added."""
     if np.isnan(drives.constants).any():
         raise InputError(f"{log.source}: compensated: expected known torque constants, to add torques in N m to")
-    rest = np.zeros_like(log.position)
-    held = mechanism.inverse_dynamics(log.position, rest, rest)
+
+    def whole(torque: Array, position: Array) -> Array:
+        rest = np.zeros_like(position)
+        return torque + mechanism.inverse_dynamics(position, rest, rest)
+
     note = f"{log.source}: the gravity torques of the robot file were added to {len(log)} rows of compensated torques"
-    return replace(log, torque=log.torque + held, notes=(*log.notes, note))
+    return replace(log, torque=rowwise(whole, log.torque, log.position), notes=(*log.notes, note))

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from scipy.signal import welch
 
 from adaptctl.arrays import Array
-from adaptctl.identification.filtered_dynamics import MOTION_CUTOFF, SPECTRUM_LENGTH, SmoothMotion
+from adaptctl.identification.filtered_dynamics import MOTION_CUTOFF, SmoothMotion, position_spectrum
 from adaptctl.identification.log_checks import LEAST_JUMP
+from adaptctl.identification.preparation import whole_ends
 
 # Share of noise in the squares of a joint's accelerations, by which inertias come out too small, that is too much.
 MAX_NOISE_SHARE = 0.005
@@ -23,13 +23,11 @@ def noise_share(motions: Sequence[SmoothMotion], cutoff: float) -> Array:
     """
     parts = np.zeros((2, motions[0].position.shape[1]))
     for log in (motion.log for motion in motions):
-        length = min(len(log.time), max(64, round(SPECTRUM_LENGTH * log.rate)))
-        frequency, power = welch(log.position, log.rate, nperseg=length, axis=0)
+        frequency, power = position_spectrum(log)
         noise = np.median(power[frequency > 0.5 * min(frequency[-1], 2.0 * MOTION_CUTOFF)], axis=0)
         weight = len(log.time) * np.where(frequency <= cutoff, frequency, 0.0)[:, None] ** 4
         parts += [(weight * noise).sum(axis=0), (weight * power).sum(axis=0)]
-    most = np.max([motion.log.position.max(axis=0) for motion in motions], axis=0)
-    least = np.min([motion.log.position.min(axis=0) for motion in motions], axis=0)
+    least, most = whole_ends([motion.log.position for motion in motions])
     moved = (most - least >= LEAST_JUMP) & (parts[1] > 0.0)
     return np.divide(parts[0], parts[1], out=np.zeros(parts.shape[1]), where=moved)
 

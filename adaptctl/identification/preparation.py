@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identification.columns import JointLog
+from adaptctl.logs.on_disk import each_column, of_columns, release, rowwise
 
 # Length of a kernel, in periods of its cut-off.
 KERNEL_PERIODS = 2.0
@@ -79,6 +81,8 @@ TURN, MAX_TURN_STEP = 2.0 * np.pi, 0.75 * np.pi
 # Hz, between which logs of arms are sampled.
 MIN_SAMPLE_RATE, MAX_SAMPLE_RATE = 20.0, 1e5
 SKIPPED = "; or leave out this check by --skip-steps limits"
+# Samples that are filtered at a time, of logs that have more.
+SAMPLES_AT_ONCE = 2**17
 # Names of the steps that can be skipped.
 STEPS = ("resample", "unwrap", "velocities", "limits", "standstill")
 
@@ -182,7 +186,7 @@ def _resampled(log: JointLog) -> tuple[JointLog, str]:
         return log, f"even at {1.0 / np.mean(steps):.6g} Hz"
 
     def lines(values: Array) -> Array:
-        return np.stack([np.interp(even, log.time, column) for column in values.T], axis=-1)
+        return of_columns((np.interp(even, log.time, column) for column in each_column(values)), *values.shape)
 
     velocity = None if log.velocity is None else lines(log.velocity)
     how = f"stamps {steps.min():.3g} to {steps.max():.3g} s apart, resampled at {1.0 / np.mean(steps):.4g} Hz"
@@ -196,36 +200,46 @@ def _resampling(each: list[str], pieces: int) -> str:
 def _unwrapped(log: JointLog, mechanism: Mechanism) -> tuple[JointLog, int]:
     """Log with continuous angles within the robot's limits, and the number of jumps by full turns."""
     turns = np.array([joint.kind.is_revolute for joint in mechanism.primary_joints])
-    angles = log.position[:, turns]
-    continued, jumps = log.position, np.zeros((len(log) - 1, len(turns)), dtype=np.bool_)
-    if (found := unwrapped(angles)) is not angles:
-        continued = log.position.copy()
-        continued[:, turns] = found
-        jumps = np.abs(np.diff(continued - log.position, axis=0)) > 1.0
-        _validate_small_steps(log, continued, jumps, mechanism)
-    whole = bool(turns.any()) and bool((log.position[:, turns] >= 0.0).all() and (log.position[:, turns] <= TURN).all())
-    wrapped = turns & (jumps.any(axis=0) | whole)
+    logged = _ends(log.position)
+    whole = bool(turns.any() and (logged[0, turns] >= 0.0).all() and (logged[1, turns] <= TURN).all())
+
+    def continued() -> Iterator[Array]:
+        return (unwrapped(own) if turn else own for own, turn in zip(each_column(log.position), turns, strict=True))
+
+    pairs = zip(continued(), log.position.T, strict=True)
+    jumps = [0 if own is before else int((np.abs(np.diff(own - before)) > 1.0).sum()) for own, before in pairs]
+    position = of_columns(continued(), *log.position.shape) if any(jumps) else log.position
+    _validate_small_steps(log, position, [j for j, count in enumerate(jumps) if count], mechanism)
+    wrapped = turns & (np.array(jumps, dtype=np.bool_) | whole)
     if mechanism.description.loops is None and wrapped.any():
-        continued = continued + TURN * np.where(wrapped, _turns_off(continued, mechanism), 0.0)
-    return replace(log, position=same_array(log.position, continued)), int(jumps.sum())
+        lower, upper = _ends(position)
+        turned = np.where(wrapped, _turns_off(lower, upper, mechanism), 0.0)
+        position = rowwise(lambda rows: rows + TURN * turned, position) if turned.any() else position
+    return replace(log, position=position), sum(jumps)
 
 
 def unwrapped(angles: Array) -> Array:
-    """Angles (n, ...) without jumps by full turns; the same array where no step is of more than half a turn."""
-    return np.unwrap(angles, axis=0) if np.abs(np.diff(angles, axis=0)).max(initial=0.0) > np.pi else angles
+    """Angles (n,) without jumps by full turns; the same array where no step is of more than half a turn."""
+    return np.unwrap(angles) if np.abs(np.diff(angles)).max(initial=0.0) > np.pi else angles
 
 
-def same_array(before: Array, after: Array) -> Array:
-    """The array as it was before, where it has not changed: long logs are not kept twice."""
-    return before if before is after or np.array_equal(before, after) else after
+def _ends(values: Array) -> Array:
+    """Least and greatest values (2, r) of columns."""
+    return np.array([(own.min(), own.max()) for own in each_column(values)]).T
 
 
-def _validate_small_steps(log: JointLog, continued: Array, jumps: NDArray[np.bool_], mechanism: Mechanism) -> None:
-    """Refuse jumps by full turns beside steps that may be of more than half a turn."""
-    steps = np.where(jumps.any(axis=0), np.abs(np.diff(continued, axis=0)), 0.0)
-    row, j = np.unravel_index(int(steps.argmax()), steps.shape)
-    if steps[row, j] > MAX_TURN_STEP:
-        name, size = mechanism.primary_joints[j].name, steps[row, j]
+def whole_ends(parts: Sequence[Array]) -> Array:
+    """Least and greatest values (2, r) of columns of parts that follow each other."""
+    each = np.array([_ends(part) for part in parts])
+    return np.stack([each[:, 0].min(axis=0), each[:, 1].max(axis=0)])
+
+
+def _validate_small_steps(log: JointLog, position: Array, jumping: Sequence[int], mechanism: Mechanism) -> None:
+    """Refuse jumps by full turns of some joints beside steps that may be of more than half a turn."""
+    steps = ((j, np.abs(np.diff(position[:, j]))) for j in jumping)
+    size, row, j = max(((own.max(), int(own.argmax()), j) for j, own in steps), default=(0.0, 0, 0))
+    if size > MAX_TURN_STEP:
+        name = mechanism.primary_joints[j].name
         raise InputError(
             f"{log.source}: joint {name!r} jumps by full turns, and at {log.time[row]:.6g} s by {size:.3g} rad "
             "besides, which may be more than half a turn: its turns cannot be told; record faster, log angles "
@@ -233,30 +247,42 @@ def _validate_small_steps(log: JointLog, continued: Array, jumps: NDArray[np.boo
         )
 
 
-def _turns_off(position: Array, mechanism: Mechanism) -> Array:
-    """Full turns (r,) that bring angles into the robot's limits."""
+def _turns_off(least: Array, most: Array, mechanism: Mechanism) -> Array:
+    """Full turns (r,) that bring angles, from the least to the greatest (r,), into the robot's limits."""
     lower, upper = (np.array([getattr(j.limits, end) for j in mechanism.primary_joints]) for end in ("lower", "upper"))
     turns = np.array([0.0, -1.0, 1.0, -2.0, 2.0])[:, None]
-    beyond = np.maximum(lower - (position.min(axis=0) + TURN * turns), position.max(axis=0) + TURN * turns - upper)
+    beyond = np.maximum(lower - (least + TURN * turns), most + TURN * turns - upper)
     return np.asarray(turns[np.where(beyond[0] <= MAX_RANGE_EXCESS, 0, beyond.argmin(axis=0)), 0])
 
 
 def _speed(log: JointLog) -> Array:
     rate = (len(log) - 1) / float(log.time[-1] - log.time[0])
     kernel = derivative(low_pass(min(50.0, 0.1 * rate), rate), rate)
-    inner = filtered(log.position, kernel) if len(kernel) < len(log) else np.gradient(log.position, 1 / rate, axis=0)
-    around = len(log) - len(inner)
-    return np.pad(inner, ((around // 2, around - around // 2), (0, 0)), mode="edge")
+
+    def speed(position: Array) -> Array:
+        short = len(kernel) >= len(log)
+        inner = np.gradient(position, 1 / rate) if short else _filtered_in_parts(position, kernel)
+        around = len(log) - len(inner)
+        return np.pad(inner, (around // 2, around - around // 2), mode="edge")
+
+    return of_columns(map(speed, each_column(log.position)), *log.position.shape)
+
+
+def _filtered_in_parts(column: Array, kernel: Array) -> Array:
+    """Convolution (m,) of a column with a kernel, where that is wholly within it."""
+    inner = len(column) - len(kernel) + 1
+    ends = (min(start + SAMPLES_AT_ONCE, inner) for start in range(0, inner, SAMPLES_AT_ONCE))
+    starts = range(0, inner, SAMPLES_AT_ONCE)
+    parts = [filtered(column[a : b + len(kernel) - 1], kernel) for a, b in zip(starts, ends, strict=True)]
+    return np.concatenate(parts)
 
 
 def _compared(source: str, logs: list[JointLog], speeds: list[Array], mechanism: Mechanism) -> str:
-    if any(log.velocity is None for log in logs):
+    logged = [log.velocity for log in logs if log.velocity is not None]
+    if len(logged) < len(logs):
         return "no logged velocities"
-    logged = np.concatenate([log.velocity for log in logs if log.velocity is not None])
-    found = np.concatenate(speeds)
-    rests = (np.abs(found).max(axis=0) <= REST_SPEED) & (np.abs(logged).max(axis=0) <= REST_SPEED)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratios = np.where(rests, 1.0, (logged * found).sum(axis=0) / np.square(found).sum(axis=0))
+    pairs = zip(_whole_columns(logged), _whole_columns(speeds), strict=True)
+    ratios = np.array([_ratio(*pair) for pair in pairs])
     for joint, ratio in zip(mechanism.primary_joints, ratios.tolist(), strict=True):
         if not abs(ratio - 1.0) <= MAX_VELOCITY_DIFFERENCE:
             raise InputError(
@@ -264,6 +290,20 @@ def _compared(source: str, logs: list[JointLog], speeds: list[Array], mechanism:
                 f"positions{_explained(ratio)}; give the right units, or omit the velocities"
             )
     return f"logged velocities are {ratios.min():.3f} to {ratios.max():.3f} of differentiated positions"
+
+
+def _ratio(logged: Array, found: Array) -> float:
+    """Factor of logged velocities over found ones; 1 where both rest."""
+    if max(np.abs(found).max(), np.abs(logged).max()) <= REST_SPEED:
+        return 1.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return float((logged * found).sum() / np.square(found).sum())
+
+
+def _whole_columns(parts: Sequence[Array]) -> Iterator[Array]:
+    """Columns of parts (n, k) that follow each other, one column after the other."""
+    each = zip(*map(each_column, parts), strict=True)
+    return (own[0] if len(own) == 1 else np.concatenate(own) for own in each)
 
 
 def _explained(ratio: float) -> str:
@@ -284,10 +324,10 @@ def _explained(ratio: float) -> str:
 
 def _within_limits(source: str, logs: list[JointLog], speeds: list[Array], mechanism: Mechanism) -> str:
     """Speeds and positions against the robot's limits: wrong units and other robots show there."""
-    fastest = np.percentile(np.abs(np.concatenate(speeds)), 99.0, axis=0)
-    position = np.concatenate([log.position for log in logs])
+    fastest = [np.percentile(np.abs(own), 99.0) for own in _whole_columns(speeds)]
+    lower, upper = whole_ends([log.position for log in logs])
     for j, joint in enumerate(mechanism.primary_joints):
-        limits, low, high = joint.limits, float(position[:, j].min()), float(position[:, j].max())
+        limits, low, high = joint.limits, float(lower[j]), float(upper[j])
         if fastest[j] > MAX_SPEED_RATIO * limits.velocity:
             raise InputError(
                 f"{source}: joint {joint.name!r} moves at {fastest[j]:.3g} {joint.kind.position_unit}/s, but the limit "
@@ -297,9 +337,10 @@ def _within_limits(source: str, logs: list[JointLog], speeds: list[Array], mecha
         if low < limits.lower - MAX_RANGE_EXCESS or high > limits.upper + MAX_RANGE_EXCESS:
             raise InputError(
                 f"{source}: joint {joint.name!r} moves from {low:.3g} to {high:.3g}, but the limits of the robot file "
-                f"are {limits.lower:.3g} to {limits.upper:.3g}; {_fitting(position, mechanism, j)}check units, gear "
-                f"ratio (and its sign) and offset, and that the log is this robot's{SKIPPED}"
+                f"are {limits.lower:.3g} to {limits.upper:.3g}; {_fitting(lower, upper, mechanism, j)}check units, "
+                f"gear ratio (and its sign) and offset, and that the log is this robot's{SKIPPED}"
             )
+        release()
         strongest = max(float(np.percentile(np.abs(log.torque[:, j]), 99.0)) for log in logs)
         if strongest > MAX_SPEED_RATIO * limits.effort:
             raise InputError(
@@ -310,29 +351,34 @@ def _within_limits(source: str, logs: list[JointLog], speeds: list[Array], mecha
     return "positions, velocities and torques are within the limits of the robot"
 
 
-def _fitting(position: Array, mechanism: Mechanism, j: int) -> str:
-    """Words on the sign and the exchanges of a joint's positions (n, r) that are within the limits."""
+def _fitting(least: Array, most: Array, mechanism: Mechanism, j: int) -> str:
+    """Words on the sign and the exchanges of a joint's positions that are within the limits, by all joints' ends."""
     joints = mechanism.primary_joints
 
-    def fits(values: Array, k: int) -> bool:
+    def fits(low: float, high: float, k: int) -> bool:
         limits = joints[k].limits
-        lower, upper = limits.lower - MAX_RANGE_EXCESS, limits.upper + MAX_RANGE_EXCESS
-        return bool(lower <= values.min() and values.max() <= upper)
+        return bool(limits.lower - MAX_RANGE_EXCESS <= low and high <= limits.upper + MAX_RANGE_EXCESS)
 
-    found = ["of the other sign"] if fits(-position[:, j], j) else []
+    found = ["of the other sign"] if fits(-most[j], -least[j], j) else []
     found += [
         f"exchanged with those of {joint.name!r}"
         for k, joint in enumerate(joints)
-        if k != j and fits(position[:, k], j) and fits(position[:, j], k)
+        if k != j and fits(least[k], most[k], j) and fits(least[j], most[j], k)
     ]
     return f"{', or '.join(found)} they would be within; " if found else ""
 
 
 def _moving(logs: list[JointLog], speeds: list[Array]) -> list[NDArray[np.bool_]]:
     """Masks of motion: any joint is faster than a share of its greatest speed."""
-    fastest = np.max([np.abs(v).max(axis=0) for v in speeds], axis=0)
+    fastest = np.abs(whole_ends(speeds)).max(axis=0)
     slow = np.maximum(REST_SPEED_SHARE * fastest, REST_SPEED)
-    return [_bridged((np.abs(v) > slow).any(axis=1), log.time) for log, v in zip(logs, speeds, strict=True)]
+    return [_bridged(_any_above(v, slow), log.time) for log, v in zip(logs, speeds, strict=True)]
+
+
+def _any_above(values: Array, least: Array) -> NDArray[np.bool_]:
+    """Mask (n,) of the rows of an array (n, r) in which a column is above its least number, whatever the sign."""
+    each = zip(each_column(values), least, strict=True)
+    return reduce(np.logical_or, (np.abs(own) > size for own, size in each))
 
 
 def _bridged(moving: NDArray[np.bool_], time: Array) -> NDArray[np.bool_]:

@@ -22,6 +22,7 @@ from adaptctl.identification.least_squares import least_squares
 from adaptctl.identification.loaded_equations import loaded_equations
 from adaptctl.identification.loaded_fit import LoadedEquations, LoadedFit, loaded_fit
 from adaptctl.identification.payloads import payload_place
+from adaptctl.logs.on_disk import rowwise
 
 # Relative deviation of a torque constant or a payload's mass from which on it has no number.
 MAX_DEVIATION = 0.25
@@ -161,9 +162,11 @@ def _relative_deviations(found: LoadedFit, problem: LoadedEquations, scaled: boo
 
 def with_constants(log: JointLog, drives: Drives, constants: Array) -> JointLog:
     """Log with joint torques by given torque constants, where the drives' are unknown."""
-    factors = np.where(np.isnan(drives.constants), constants, 1.0)
-    motors = log.torque @ np.linalg.inv(drives.transmission)
-    return replace(log, torque=drives.torque(motors * factors))
+    unknown = np.isnan(drives.constants)
+    if not unknown.any():
+        return log
+    factors, inverse = np.where(unknown, constants, 1.0), np.linalg.inv(drives.transmission)
+    return replace(log, torque=rowwise(lambda torque: drives.torque(torque @ inverse * factors), log.torque))
 
 
 def known_drives(drives: Drives, constants: Array) -> Drives:

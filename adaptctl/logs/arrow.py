@@ -25,6 +25,8 @@ class LogColumn(NamedTuple):
     word: str | None = None
     begin: float = 0.0
     """what was taken off the values, of which these have no ones"""
+    first: int | None = None
+    """likewise, as the whole number that it is in the file; None if nothing was"""
 
 
 def forget(tables: list[Any]) -> None:
@@ -35,8 +37,12 @@ def forget(tables: list[Any]) -> None:
     default_memory_pool().release_unused()
 
 
-def numbers(name: str, column: Any, unit: str = "") -> Iterator[LogColumn]:
-    """Columns of numbers in one of Arrow: one for each place of a list of fixed length, none for texts."""
+def numbers(name: str, column: Any, unit: str = "", first: int | None = None) -> Iterator[LogColumn]:
+    """
+    Columns of numbers in one of Arrow: one for each place of a list of fixed length, none for texts.
+
+    A whole number that was taken off the batch before is taken off this one too.
+    """
     import pyarrow as pa
 
     kind = column.type
@@ -45,18 +51,18 @@ def numbers(name: str, column: Any, unit: str = "") -> Iterator[LogColumn]:
     if pa.types.is_dictionary(kind):
         column, kind = column.dictionary_decode(), kind.value_type
     if pa.types.is_fixed_size_list(kind) or pa.types.is_list(kind) or pa.types.is_large_list(kind):
-        yield from _places(name, column, unit)
+        yield from _places(name, column, unit, first)
     elif pa.types.is_timestamp(kind) or pa.types.is_date(kind):
-        yield _moments(name, column)
+        yield _moments(name, column, first)
     elif pa.types.is_duration(kind):
-        whole = column.cast(pa.int64())
-        yield LogColumn(name, FACTORS[kind.unit] * _floats(whole)[0], "s", _empty(column))
+        values, own = _floats(column.cast(pa.int64()), first)
+        yield LogColumn(name, FACTORS[kind.unit] * values, "s", _empty(column), first=own)
     elif _holds_numbers(kind):
-        values, begin = _floats(column)
-        yield LogColumn(name, values, unit, _empty(column), begin=begin)
+        values, own = _floats(column, first)
+        yield LogColumn(name, values, unit, _empty(column), begin=own or 0, first=own)
 
 
-def _places(name: str, column: Any, unit: str) -> Iterator[LogColumn]:
+def _places(name: str, column: Any, unit: str, first: int | None) -> Iterator[LogColumn]:
     """Columns of the places of lists that all have one length; rows without a list are empty in each."""
     import pyarrow as pa
     import pyarrow.compute as pc
@@ -73,12 +79,13 @@ def _places(name: str, column: Any, unit: str) -> Iterator[LogColumn]:
             return
         size, cells = int(lengths[0]), column.flatten()
     values = np.full((len(column), size), np.nan)
-    values[given] = _floats(cells)[0].reshape(-1, size)
+    numbers_of_cells, own = _floats(cells, first)
+    values[given] = numbers_of_cells.reshape(-1, size)
     empty = None if given.all() else ~given
-    yield from (LogColumn(f"{name}[{i}]", values[:, i].copy(), unit, empty) for i in range(size))
+    yield from (LogColumn(f"{name}[{i}]", values[:, i].copy(), unit, empty, first=own) for i in range(size))
 
 
-def _moments(name: str, column: Any) -> LogColumn:
+def _moments(name: str, column: Any, first: int | None) -> LogColumn:
     """Times in s since the first moment of a column of dates."""
     import pyarrow as pa
 
@@ -86,30 +93,33 @@ def _moments(name: str, column: Any) -> LogColumn:
     if unit is None:
         column, unit = column.cast(pa.timestamp("ms")), "ms"
     whole = column.cast(pa.int64())
-    values, begin = _from_first(whole)
-    return LogColumn(name, FACTORS[unit] * values, "s", _empty(column), begin=FACTORS[unit] * begin)
+    values, own = _from_first(whole, first)
+    return LogColumn(name, FACTORS[unit] * values, "s", _empty(column), begin=FACTORS[unit] * (own or 0), first=own)
 
 
-def _floats(column: Any) -> tuple[Array, int]:
+def _floats(column: Any, first: int | None) -> tuple[Array, int | None]:
     """Floating-point numbers (n,); of whole ones that these cannot tell apart, the differences from the first."""
     import pyarrow as pa
     import pyarrow.compute as pc
 
+    if first is not None:
+        return _from_first(column, first)
     if pa.types.is_integer(column.type) and len(column) > column.null_count:
         least, most = (int(end.as_py()) for end in pc.min_max(column).values())
         if max(abs(least), abs(most)) >= EXACT and most - least < 2**62:
-            return _from_first(column)
-    return np.asarray(column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False), dtype=np.float64), 0
+            return _from_first(column, None)
+    return np.asarray(column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False), dtype=np.float64), None
 
 
-def _from_first(column: Any) -> tuple[Array, int]:
+def _from_first(column: Any, first: int | None) -> tuple[Array, int | None]:
     """Differences (n,) of whole numbers from the first, NaN where there is none, and the first."""
     given = np.asarray(column.is_valid())
     whole = np.asarray(column.drop_null().to_numpy(zero_copy_only=False))
     out = np.full(len(column), np.nan)
     if len(whole):
-        out[given] = (whole.astype(np.int64) - np.int64(whole[0])).astype(np.float64)
-    return out, int(whole[0]) if len(whole) else 0
+        first = int(whole[0]) if first is None else first
+        out[given] = (whole.astype(np.int64) - np.int64(first)).astype(np.float64)
+    return out, first
 
 
 def _empty(column: Any) -> NDArray[np.bool_] | None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from adaptctl.errors import AdaptctlError
 from adaptctl.logs.isolated import CELLS, EMPTY, HEAD
+from adaptctl.logs.on_disk import release
 from adaptctl.logs.table import LogTable, validate_size
 
 
@@ -40,6 +41,7 @@ def _written(log: LogTable, folder: Path) -> None:
     with (folder / CELLS).open("wb") as file:
         for values in log.columns.values():
             np.ascontiguousarray(values, dtype="<f8").tofile(file)
+            release()
     with (folder / EMPTY).open("wb") as file:
         for mask in log.empty.values():
             np.ascontiguousarray(mask, dtype=np.bool_).tofile(file)

@@ -13,6 +13,7 @@ import numpy as np
 
 from adaptctl import errors
 from adaptctl.errors import AdaptctlError, FileError
+from adaptctl.logs.on_disk import columns_of_file
 from adaptctl.logs.table import LogTable
 
 MEMORY, TIME = 2**30, 10.0
@@ -86,7 +87,7 @@ def _error(head: dict[str, object]) -> AdaptctlError:
 def _table(folder: Path, head: dict[str, object]) -> LogTable:
     names: list[str] = list(head["names"])  # type: ignore[call-overload]
     rows = int(head["rows"])  # type: ignore[call-overload]
-    cells = np.fromfile(folder / CELLS, dtype="<f8").reshape(len(names), rows)
+    cells = columns_of_file(folder / CELLS, (len(names), rows))
     masked: list[str] = list(head["empty"])  # type: ignore[call-overload]
     masks = np.fromfile(folder / EMPTY, dtype=np.bool_).reshape(len(masked), rows)
     return LogTable(

@@ -2,26 +2,49 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from adaptctl.errors import FileError, printable
-from adaptctl.logs.arrow import numbers
+from adaptctl.logs import on_disk
+from adaptctl.logs.arrow import LogColumn, numbers
+from adaptctl.logs.batches import Batches, UnlikeBeforeError
 from adaptctl.logs.table import LogTable, table, validate_size, whole_stamps
 
 MAX_UNPACKED = 8 * 2**30
+BUFFER = 2**20
 MAX_RATIO, FREE = 1000, 400 * 2**20
 """declared bytes for each one of the file, besides some that any file may have"""
 
 
 def read_parquet(path: str | Path) -> LogTable:
     """Table of a Parquet file: columns of numbers, booleans and dates, lists split into `name[0]`, `name[1]`."""
-    read = read_arrow(path)
     try:
-        return whole_stamps(arrow_table(str(path), read))
+        found = _long(path) or arrow_table(str(path), read_arrow(path))
+        return whole_stamps(found)
     except UnicodeDecodeError as error:
         raise FileError(f"{path}: a name or unit is not UTF-8 ({error.reason})") from error
+
+
+def _long(path: str | Path) -> LogTable | None:
+    """Table of a large file, read batch by batch; None of others, of our own runs', and of what cannot be read so."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    irregular = suppress(OSError, pa.ArrowException, ValueError, OverflowError, UnlikeBeforeError)
+    with irregular, pq.ParquetFile(path, buffer_size=BUFFER, page_checksum_verification=True) as file:
+        told = file.metadata
+        if 8 * told.num_rows * told.num_columns < on_disk.LARGE or b"sha256" in (told.metadata or {}):
+            return None
+        validate_size(path, told.num_rows, told.num_columns)
+        _validate_unpacked(path, told)
+        read = Batches(told.num_rows)
+        for batch in file.iter_batches(on_disk.ROWS_AT_ONCE, use_threads=False):
+            read.add(_columns(batch, read.first), len(batch))
+        return _table(str(path), read.columns())
+    return None
 
 
 def read_arrow(path: str | Path, columns: Sequence[str] | None = None) -> Any:
@@ -56,7 +79,16 @@ def _validate_unpacked(path: str | Path, metadata: Any) -> None:
 
 def arrow_table(source: str, read: Any) -> LogTable:
     """Table of one of Arrow."""
-    found = [one for entry in read.schema for one in numbers(entry.name, read.column(entry.name), _unit(entry))]
+    return _table(source, list(_columns(read)))
+
+
+def _columns(read: Any, first: Callable[[str], int | None] = lambda name: None) -> Iterator[LogColumn]:
+    """Columns of a table or batch of Arrow, with a function of what was taken off each by its name."""
+    for entry in read.schema:
+        yield from numbers(entry.name, read.column(entry.name), _unit(entry), first(entry.name))
+
+
+def _table(source: str, found: Sequence[LogColumn]) -> LogTable:
     units = {one.name: one.unit for one in found if one.unit}
     empty = {one.name: one.empty for one in found if one.empty is not None}
     begin = {one.name: one.begin for one in found if one.begin}

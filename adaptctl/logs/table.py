@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from adaptctl.arrays import MAX_SETTING, Array
 from adaptctl.errors import FileError, printable
+from adaptctl.logs.on_disk import chosen, release
 
 MAX_ROWS = 20_000_000
 MAX_COLUMNS = 10_000
@@ -60,13 +61,14 @@ class LogTable:
                 f"{self.source}: column {name!r} ({what}): {bad.size} of {len(values)} rows not finite, the first "
                 f"is row {int(bad[0]) + 1} ({values[bad[0]]}){told}; {right}"
             )
-        size = float(np.abs(values).max(initial=0.0))
+        size = float(max(values.max(initial=0.0), -values.min(initial=0.0)))
         if size != 0.0 and not 1.0 / MAX_SETTING <= size <= MAX_SETTING:
             row = int(np.abs(values).argmax())
             raise FileError(
                 f"{self.source}: column {name!r} ({what}): the largest number, {values[row]:g} in row {row + 1}, is "
                 f"beyond {1.0 / MAX_SETTING:g} to {MAX_SETTING:g}; expected readings in SI units or those of --units"
             )
+        release()
         return values
 
     def near(self, name: str) -> str:
@@ -84,7 +86,7 @@ class LogTable:
         """Part of the rows by a mask (n,), and a note on the others where there are any."""
         if kept.all():
             return self
-        columns = {name: values[kept] for name, values in self.columns.items()}
+        columns = dict(zip(self.columns, chosen(list(self.columns.values()), kept), strict=True))
         empty = {name: mask[kept] for name, mask in self.empty.items()}
         return replace(self, columns=columns, empty=empty, notes=(*self.notes, note))
 
