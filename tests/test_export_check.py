@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -72,4 +73,7 @@ def test_without_a_compiler_it_says_so(
 ) -> None:
     monkeypatch.setattr(builds, "found_compilers", dict[str, Any])
     assert main([*LINE, "--out", str(tmp_path / "none")]) == 0
-    assert f"not built: found none of these compilers: {', '.join(COMPILERS)}" in capsys.readouterr().out
+    told = capsys.readouterr()
+    assert f"not built: found none of these compilers: {', '.join(COMPILERS)}" in told.out
+    assert re.search(r"initial RMS error \S+ mrad, final \S+ mrad$", told.out, re.MULTILINE)
+    assert "up to 5 s" in told.err, "before it is waited for"

@@ -12,9 +12,11 @@ import pytest
 from comparisons import comparison
 
 from adaptctl.dynamics import load
-from adaptctl.recording import Comparison, Fact, RunRole, write_artifacts
-from adaptctl.recording.judgement import outcome_words
+from adaptctl.recording import Comparison, Fact, RunRole, Setting, write_artifacts
+from adaptctl.recording.judgement import facts, joint_errors, outcome_words
+from adaptctl.recording.page import Note
 from adaptctl.recording.report import report
+from adaptctl.recording.result import answers
 from docs.making.gallery import PAGE, PICTURES, SHOWN, outcome_of
 
 pytestmark = pytest.mark.drawn
@@ -84,6 +86,24 @@ def test_report_says_it_all_and_takes_no_name_for_markup(folder: Path, shown: Co
         assert name in text
     assert "rerun recording.rrd" in text
     assert "interrupted" not in text
+
+
+def test_a_report_says_passed_and_the_last_error_of_each_joint(folder: Path, shown: Comparison) -> None:
+    told = (folder / "report.html").read_text()
+    each = joint_errors(shown)
+    assert [name for name, *_ in each] == list(shown.joint_names)
+    assert answers(facts(shown))["Verdict"] == "passed"
+    for _, first, last in each:
+        assert re.fullmatch(r"\S+ mrad", last)
+        assert first in told
+        assert last in told
+
+
+def test_notes_are_shown_with_the_results(shown: Comparison) -> None:
+    noted = replace(shown, settings=(*shown.settings, Setting("note 1", "no rotors", "on the tuning")))
+    sections = {section.title: section for section in report(noted).sections}
+    assert Note("no rotors", head="Note.", warning=True) in sections["Experiment"].parts
+    assert "no rotors" not in str(sections["Settings"].parts[0])
 
 
 def test_report_follows_the_reader(folder: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -88,6 +89,7 @@ def export(
     """
     from adaptctl.codegen import export as exported
     from adaptctl.codegen.builds import COMPILERS, builds
+    from adaptctl.dynamics.joint_units import error_unit
     from adaptctl.errors import VerdictError
     from adaptctl.identifiability import ReducedModel
     from adaptctl.tuning import tune
@@ -96,10 +98,13 @@ def export(
 
     mechanism = reading.load(robot)
     warn_of_rotors(mechanism)
+    model = ReducedModel(mechanism)
+    if check:
+        compiled = " and compiles the code with each C compiler found" if language == "c" else ""
+        _note(f"--check simulates 600 s{compiled}: up to {_lasting(len(model.columns))} on a quiet machine")
     tuning = tune(mechanism, control_period=control_period, bandwidth=bandwidth)
     if not anyway:
         tuning.validate_learning("--anyway")
-    model = ReducedModel(mechanism)
     named = law or DEFAULT_LAWS[scalar]
     chosen = named_law(named, tuning, model)
     controller = chosen if without_safety_filter else guarded(chosen, tuning)
@@ -112,7 +117,7 @@ def export(
     if json:
         print_json(done.manifest | ({"builds": [build._asdict() for build in made]} if made else {}))
     else:
-        _print(done)
+        _print(done, error_unit(mechanism))
         for build in made:
             print(f"{build.compiler}: {build.message}")
         if check and language == "c" and not made:
@@ -121,7 +126,21 @@ def export(
         raise VerdictError(f"{out}: the compiled code fails its test: {wrong[0].compiler}: {wrong[0].message}")
 
 
-def _print(done: Exported) -> None:
+SECONDS_PER_SQUARE = 0.013
+"""s of a check over the square of the number of parameters: the learning law's operations are so many"""
+
+
+def _lasting(parameters: int) -> str:
+    """Time of a check in words."""
+    seconds = 5 * max(1, round(SECONDS_PER_SQUARE * parameters**2 / 5))
+    return f"{seconds} s" if seconds < 90 else f"{round(seconds / 60)} minutes"
+
+
+def _note(words: str) -> None:
+    print(f"adaptctl: note: {words}", file=sys.stderr, flush=True)
+
+
+def _print(done: Exported, unit: str) -> None:
     from adaptctl.codegen.exporting import MAX_STACK_BYTES
 
     manifest = done.manifest
@@ -134,7 +153,7 @@ def _print(done: Exported) -> None:
     if manifest["check"]:
         first, last = (manifest["check"][f"rms_error_{which}_10_s"] for which in ("first", "last"))
         known = first is not None and last is not None
-        errors = f": initial RMS error {first:.3g}, final {last:.3g}" if known else ""
+        errors = f": initial RMS error {1e3 * first:.3g} {unit}, final {1e3 * last:.3g} {unit}" if known else ""
         print(f"checked over {manifest['check']['duration']:g} s{errors}")
         if manifest["check"]["failure"]:
             print(f"FAILED: in simulation {manifest['check']['failure']}")

@@ -13,6 +13,7 @@ from adaptctl.codegen.interface import Interface, status_of
 from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
 from adaptctl.control import Reference, ReferencePoint, Sinusoids, TaskSpaceSlotineLi
 from adaptctl.control.gains.workspace import position_range
+from adaptctl.dynamics.joint_units import error_unit
 from adaptctl.errors import InputError, NonFiniteError, VerdictError
 from adaptctl.files import finite_or_none
 from adaptctl.scalars import column
@@ -20,6 +21,7 @@ from adaptctl.simulation import Episode, Plant
 from adaptctl.simulation.integrator import integration
 from adaptctl.simulation.rollout import KeptSamples
 from adaptctl.simulation.simulate import EpisodeRun, Stretch
+from adaptctl.stages import stage
 
 TICKS = 100
 AMPLITUDE, INITIAL_ERROR = 0.1, 0.02
@@ -123,7 +125,8 @@ def check_closed_loop(
     squares: list[Array] = []
     failure = None
     while failure is None and not run.over:
-        stretch, failure = _sound(run)
+        with stage(f"simulating {duration:g} s of the closed loop, {run.count / run.steps:.0%} done"):
+            stretch, failure = _sound(run)
         if interface.follows_joints:
             squares.append(np.full(1, np.nan) if stretch is None else _squares(plant, stretch))
     count = round(min(10.0, duration) / period)
@@ -190,4 +193,5 @@ def _unlearned(interface: Interface, started: float, ended: float) -> str | None
         SMALL_ERROR, LEARNED_SHARE * started
     ):
         return None
-    return f"it does not learn: the error is {started:.3g} initially and {ended:.3g} finally; use other gains"
+    first, last = (f"{1e3 * error:.3g} {error_unit(interface.mechanism)}" for error in (started, ended))
+    return f"it does not learn: the error is {first} initially and {last} finally; use other gains"

@@ -124,8 +124,8 @@ def consistency(found: Identification) -> str:
 def components(found: Identification) -> str:
     """Sentence on the number of essential components that give the energy to 1 %."""
     return (
-        f"Of the {found.space.rank} essential components, {found.components} represent the energy of the "
-        "logged motion to 1 % (Sheu and Walker 1991, equation 23)."
+        f"Without friction, the energy has {found.space.rank} essential components; {found.components} of them "
+        "represent that of the logged motion to 1 % (Sheu and Walker 1991, equation 23)."
     )
 
 
@@ -134,12 +134,20 @@ def facts(found: Identification) -> Iterator[Fact]:
     validation, settings = found.validation, found.choice.settings
     yield Fact("RMS error on validation data", _rms_error(validation))
     yield Fact("relative to the measured torque", _listed(f"{x:.1%}" for x in validation.relative_errors.values()))
-    yield Fact("base parameters", str(len(found.names)))
+    yield Fact("base parameters", _counted(found))
     yield Fact("friction", settings.friction.words.replace("_", " "))
     yield Fact("physically consistent", "no" if found.mechanism.description.inconsistent_links else "yes")
     yield Fact("unexcited combinations", str(len(found.unexcited)))
     yield Fact("weight of the prior", f"{settings.weight:g}")
     yield Fact("cut-off", f"{settings.cutoff:.3g} Hz")
+
+
+def _counted(found: Identification) -> str:
+    """Number of base parameters, and of which and out of how many."""
+    links = int(np.count_nonzero(np.array(found.model.columns) < found.mechanism.num_energy_parameters))
+    friction = len(found.names) - links
+    of = f" ({links} of links and rotors, {friction} of friction and springs)" if friction else ""
+    return f"{len(found.names)}{of}, of {len(found.mechanism.parameter_names)} parameters"
 
 
 def best_hypotheses(found: Identification) -> list[TriedHypothesis]:
@@ -182,6 +190,7 @@ def report(found: Identification, written: Sequence[WrittenRobot] = ()) -> Repor
         outcome=verdict(found),
         facts=tuple(facts(found)),
         sections=(
+            *_noted(found, written),
             _prediction(found, written),
             _parameters(found),
             _excited(found),
@@ -195,6 +204,13 @@ def report(found: Identification, written: Sequence[WrittenRobot] = ()) -> Repor
         ),
         source=SOURCE,
     )
+
+
+def _noted(found: Identification, written: Sequence[WrittenRobot]) -> Iterator[Section]:
+    """Section of the warnings, and of what files cannot hold; none where there are no such."""
+    notes = [*found.warnings, *(note for one in written if (note := one.note(found)) is not None)]
+    if notes:
+        yield Section("Notes", tuple(Note(note, warning=True) for note in notes))
 
 
 def _prediction(found: Identification, written: Sequence[WrittenRobot]) -> Section:
@@ -277,7 +293,7 @@ def _excited(found: Identification) -> Section:
 
 def _chosen(found: Identification) -> Section:
     trials = found.choice.trials
-    steps = [*((step.name, step.outcome) for step in found.steps), *(("prior", remark) for remark in found.warnings)]
+    steps = [(step.name, step.outcome) for step in found.steps]
     rows = [(t.what, t.candidate, f"{t.relative_error:.2%}", "taken" if t.taken else "") for t in trials]
     taken = [k for k, trial in enumerate(trials) if trial.taken]
     choices = Table(("selection", "candidate", "error of blocks left out", "selected"), rows, align="llr", marked=taken)

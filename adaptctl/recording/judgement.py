@@ -103,6 +103,16 @@ def _in_each_unit(comparison: Comparison, of: Callable[[Joints], float | None]) 
     return " and ".join(error(of(joints), f"m{unit}") for unit, joints in comparison.joints_by_unit.items())
 
 
+def joint_errors(comparison: Comparison) -> list[tuple[str, str, str]]:
+    """Name of each joint, and its root mean square errors in the subject's first second and last two, with units."""
+    subject, found = comparison.subject, []
+    for unit, joints in comparison.joints_by_unit.items():
+        for j in joints:
+            ends = subject.first_rms_error_of([j]), subject.final_rms_error_of([j])
+            found.append((j, *(error(value, f"m{unit}") for value in ends)))
+    return [(comparison.joint_names[j], first, last) for j, first, last in sorted(found)]
+
+
 def outcome_words(comparison: Comparison) -> str:
     """Outcome of a comparison in a few sentences."""
     answer = _worth(comparison) if comparison.answer is None else comparison.answer
@@ -150,12 +160,16 @@ def outcome(run: ControllerRun) -> str:
 def facts(comparison: Comparison) -> Iterator[Fact]:
     """Questions that a person asks first, and their answers in words with units."""
     subject, task_error, baseline = comparison.subject, comparison.task_error, comparison.baseline
+    if comparison.complete:
+        yield Fact("Verdict", "passed" if judged(comparison).passed else "failed")
     if task_error is not None:
         yield Fact(task_error.meaning, f"{error(task_error.final_rms(subject), task_error.unit)} in the last 2 s (RMS)")
     whose = "RMS error" if task_error is None else "Joint RMS error"
     yield Fact(f"{whose}, first second", first_error(comparison, subject))
     marked = RunRole.SUBJECT if baseline else RunRole.NOBODY
     yield Fact(f"{whose}, last 2 s", final_error(comparison, subject), marked)
+    if len(comparison.joint_names) > 1:
+        yield Fact("… of each joint", ", ".join(f"{name} {last}" for name, _, last in joint_errors(comparison)))
     if baseline:
         fell = baseline.rollout.terminated
         answer = outcome(baseline) if fell else final_error(comparison, baseline)

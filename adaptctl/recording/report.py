@@ -11,11 +11,20 @@ import numpy as np
 
 from adaptctl.description.inertia import PARAMETERS
 from adaptctl.folders import made_folder
-from adaptctl.recording.comparison import Comparison, Finding
+from adaptctl.recording.comparison import Comparison, Finding, Setting
 from adaptctl.recording.controller_run import StepCost
 from adaptctl.recording.drawing import run_color, write_figures
 from adaptctl.recording.figures import drawings
-from adaptctl.recording.judgement import facts, final_error, first_error, judged, on_truth, outcome, outcome_words
+from adaptctl.recording.judgement import (
+    facts,
+    final_error,
+    first_error,
+    joint_errors,
+    judged,
+    on_truth,
+    outcome,
+    outcome_words,
+)
 from adaptctl.recording.page import (
     SHEU_WALKER,
     Cell,
@@ -155,7 +164,8 @@ def _sections(comparison: Comparison, figures: bool) -> Iterator[Section]:
     if "parameters" in figure:
         yield Section("Parameter estimates", (on_truth(comparison), figure["parameters"], _parameters(comparison)))
     yield Section("Base parameters", tuple(_matter(comparison)))
-    yield settings_section(comparison.settings, *_robot_notes(comparison))
+    settings = [setting for setting in comparison.settings if not _is_note(setting)]
+    yield settings_section(settings, *_robot_notes(comparison))
     yield files_section(
         "The moving arm, with all curves.",
         "The numbers of this report, as JSON.",
@@ -164,9 +174,15 @@ def _sections(comparison: Comparison, figures: bool) -> Iterator[Section]:
     )
 
 
+def _is_note(setting: Setting) -> bool:
+    """True for a remark among the settings, which is shown with the results."""
+    return setting.name.startswith("note ")
+
+
 def _run_parts(comparison: Comparison) -> Iterator[Part]:
     figure = drawings(comparison)
     yield comparison.purpose
+    yield from (Note(one.value, head="Note.", warning=True) for one in comparison.settings if _is_note(one))
     yield from comparison.more_drawings
     rows = [
         (
@@ -180,6 +196,11 @@ def _run_parts(comparison: Comparison) -> Iterator[Part]:
     ]
     heads = "initial model", "RMS error, first second", "RMS error, last 2 s", "steps at a torque limit", "outcome"
     yield _of_runs(comparison, heads, rows, "llrrrl")
+    yield Table(
+        (f"joint ({comparison.subject.label})", "RMS error, first second", "RMS error, last 2 s"),
+        joint_errors(comparison),
+        align="lrr",
+    )
     if (columns := _measured(comparison)) is not None:
         yield columns
     names = [run.name for run in comparison.runs]
