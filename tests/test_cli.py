@@ -73,6 +73,9 @@ print("loaded", [name for name in {HEAVY!r} if name in sys.modules])
     assert done.stdout.splitlines()[-1] == "loaded []"
 
 
+DRIVE = ("drive", "mujoco", "two_link", "--robot", "two_link", "--duration", "1", "--out", "a")
+
+
 @pytest.mark.parametrize(
     ("command", "told"),
     [
@@ -95,7 +98,23 @@ print("loaded", [name for name in {HEAVY!r} if name in sys.modules])
         ((*RUN, "--durations", "1"), "Unknown option: --durations. Did you mean --duration?"),
         ((*RUN, "--dur", "1"), "Unknown option: --dur."),
         ((*RUN, "--out"), "parameter --out requires an argument."),
-        ((*RUN, "--duration", "long"), 'Invalid value for --duration: unable to convert "long" into float.'),
+        ((*RUN, "--duration", "long"), r"--duration: expected a number in s, got 'long'"),
+        ((*RUN, "--duration", "5s"), "--duration: expected a number in s, got '5s'; write 5"),
+        (("drive", "mujoco", "a", "--robot", "a", "--out", "a", "--duration", "1ms"), "in s, got '1ms'; write 0.001"),
+        (("drive", "mujoco", "a", "--robot", "a", "--amplitude", "10deg"), "in rad, got '10deg'; write 0.1745329252"),
+        ((*DRIVE, "--start", "0.3"), "--start: two_link has 2 joints (shoulder, elbow), but 1 position is given"),
+        ((*DRIVE, "--start", "0.3", "9"), "--start: joint 'elbow' at 9 is outside its range"),
+        (
+            ("drive", "udp", *DRIVE[2:], "--start", "0.3", "0"),
+            "--start is for mujoco: a udp robot stands where it stands",
+        ),
+        (("gains", "puma560", "--bandwidth", "0,5"), "expected a number in 1/s, got '0,5'; write 0.5, with a point"),
+        (("gains", "puma560", "--bandwidth", "3Hz"), "got '3Hz'; write the number alone, in 1/s"),
+        (("identify", "a", "--friction", "viscous", "coulomb"), "join them by commas: --friction viscous,coulomb"),
+        (
+            ("identify", "a", "--robot", "two_link", "--columns", "position=a", "b"),
+            "one more of the last: position=a,b",
+        ),
         ((*RUN, "--duration", "0"), "duration: expected a number from 0.01 to 300, got 0"),
         ((*RUN, "--duration", "-3"), "duration: expected a number from 0.01 to 300, got -3"),
         ((*RUN, "--duration", "1e9"), "duration: expected a number from 0.01 to 300, got 1e+09"),
@@ -111,7 +130,7 @@ print("loaded", [name for name in {HEAVY!r} if name in sys.modules])
             "damping: expected numbers from 0.001 to 10000, got 0",
         ),
         ((*RUN, "--frequency", "nan", "0", "0", "0", "0", "0"), "frequency: expected numbers from 0 to 5, got nan"),
-        ((*RUN, "--damping", "90,150,70,20,16,18"), "into float. Numbers are separated by blanks. See"),
+        ((*RUN, "--damping", "90,150,70,20,16,18"), "numbers are separated by blanks: 90 150 70 20 16 18"),
         (("experiment", "run", "laws", "--laws", "a,b"), "unknown law 'a,b'; several are separated by blanks; laws: "),
         ((*RUN, "5"), "'5': no argument of this command."),
         (("experiment", "run", "adaptive", "my_arm.toml"), "Did you mean --robot my_arm.toml? See"),

@@ -48,7 +48,7 @@ FAULTS: dict[str, tuple[Callable[[JointLog], JointLog], str]] = {
     ),
     "frozen": (
         lambda log: replace(log, torque=put(log.torque, slice(1000, 1160), slice(None), log.torque[1000])),
-        "is frozen at .* from 5 to 5.795 s",
+        "the torques of joints 'joint0', 'joint1', 'joint2' are frozen at .* from 5 to 5.795 s",
     ),
     "dead": (
         lambda log: replace(log, torque=put(log.torque, slice(None), 1, 1e-4 * np.sin(log.time))),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -39,6 +39,7 @@ def drive(
     duration: float,
     out: Folder,
     amplitude: float = 0.3,
+    start: Annotated[tuple[float, ...] | None, Parameter(metavar="RAD")] = None,
     any_kernel: bool = False,
     live: bool = False,
     on_touch: OnTouch = "ignore",
@@ -58,6 +59,8 @@ def drive(
         Duration of the motion, s.
     amplitude : float
         Greatest amplitude of a joint, rad or m. It is less where its end or speed limit is near.
+    start : list of float
+        Posture in which a simulated arm stands, for mujoco, rad or m. Default: the file's, or mid-range.
     any_kernel : bool
         Accept a kernel without real time, for franka.
     live : bool
@@ -86,7 +89,7 @@ def drive(
     interrupted = False
     with replacing_folder(out, overwrite) as folder, ExitStack() as shown:
         arm = with_rotors(reading.load(robot), rotors)
-        found = connected(vendor, address, arm, any_kernel)
+        found = connected(vendor, address, arm, any_kernel, start)
         try:
             view = _view(arm, shown) if live else None
             run = _driven(found, arm, (duration, amplitude), folder, view, on_touch, address)
@@ -101,10 +104,14 @@ def drive(
     return FAILED if run.stopped else DONE
 
 
-def connected(vendor: str, address: str, arm: Mechanism, any_kernel: bool) -> TorqueRobot:
-    """Robot at an address."""
+def connected(
+    vendor: str, address: str, arm: Mechanism, any_kernel: bool, start: Sequence[float] | None = None
+) -> TorqueRobot:
+    """Robot at an address, a simulated one in a posture if one is given."""
     from adaptctl import hardware
 
+    if start:
+        _validate_start(vendor, arm, start)
     if vendor == "franka":
         return hardware.FrankaRobot(address, real_time=not any_kernel)
     if vendor == "ur":
@@ -113,7 +120,20 @@ def connected(vendor: str, address: str, arm: Mechanism, any_kernel: bool) -> To
         return hardware.TrossenRobot(address)
     if vendor == "udp":
         return hardware.UDPRobot(address, hardware.HardwareLimits.of(arm, torque_rate=1000.0))
-    return hardware.MuJoCoRobot(address, real_time=True)
+    return hardware.MuJoCoRobot(address, start=start, real_time=True)
+
+
+def _validate_start(vendor: str, arm: Mechanism, start: Sequence[float]) -> None:
+    names = [joint.name for joint in arm.primary_joints]
+    if vendor != "mujoco":
+        raise InputError(f"--start is for mujoco: a {vendor} robot stands where it stands")
+    if len(start) != len(names):
+        given = f"{len(start)} position{'s are' if len(start) > 1 else ' is'} given"
+        raise InputError(f"--start: {arm.name} has {len(names)} joints ({', '.join(names)}), but {given}")
+    for joint, place in zip(arm.primary_joints, start, strict=True):
+        if not joint.limits.lower <= place <= joint.limits.upper:
+            ends = f"{joint.limits.lower:g} to {joint.limits.upper:g}"
+            raise InputError(f"--start: joint {joint.name!r} at {place:g} is outside its range, {ends}")
 
 
 def _driven(
@@ -201,8 +221,15 @@ def _report(run: DrivenRun, arm: Mechanism, out: Path) -> Iterator[RenderableTyp
     yield words(
         f"first error {1e3 * run.first_error:.2g} mrad; greatest torque rate {run.peak_torque_rate:.4g} N m/s; "
         f"greatest speed {run.peak_speed_share:.0%} of a limit; {run.times.off} periods off, at most "
-        f"{run.times.longest_late} late in a row, the longest {1e3 * run.times.worst:.3g} ms\n{out}"
+        f"{run.times.longest_late} late in a row, the longest {1e3 * run.times.worst:.3g} ms; {_computing(run)}\n{out}"
     )
+
+
+def _computing(run: DrivenRun) -> str:
+    """Longest time from a measurement to its torque, which simulated time waits for and a robot's does not."""
+    busy, period = run.times.busy, run.times.period
+    late = f", {busy / period:.1f} periods: a robot would not have waited" if busy > period else ""
+    return f"longest computation of a torque {1e3 * busy:.3g} ms{late}"
 
 
 def _carried(payload: IdentifiedPayload) -> str:

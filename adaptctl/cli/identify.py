@@ -126,6 +126,7 @@ def identify(
         _write_template(template, logs, robot, topic, reading, overwrite)
         return
     validate_for_results()
+    named, stated = pairs("--columns", columns), pairs("--units", units)
     with replacing_folder(out, overwrite) as folder, _files(logs, robot, drives) as (logs, robot, drives):
         if energy_differences is not None:
             _validate_comparison(logs, drives, energy_differences)
@@ -135,8 +136,8 @@ def identify(
             mechanism,
             drives,
             validate=validate,
-            columns=pairs("--columns", columns),
-            units=pairs("--units", units),
+            columns=named,
+            units=stated,
             sample_rate=sample_rate,
             topic=topic,
             skip_steps=skip_steps,

@@ -13,7 +13,6 @@ from typing import TextIO
 
 from cyclopts import (
     App,
-    CoercionError,
     CycloptsError,
     Parameter,
     UnknownCommandError,
@@ -123,7 +122,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             print(end="", flush=True)  # here, where a reader that went away or a full disk can be told of
             return code
         except CycloptsError as error:
-            return _complain(_reason(error), WRONG_INPUT)
+            return _complain(_reason(error, given), WRONG_INPUT)
         except VerdictError as error:
             return _complain(error, VERDICT)
         except InputError as error:
@@ -149,18 +148,12 @@ def _validate_command(given: Sequence[str]) -> None:
         raise InputError(f"{missing} is missing: {known}; see {_called(chain)} --help")
 
 
-def _reason(error: CycloptsError) -> object:
+def _reason(error: CycloptsError, given: Sequence[str]) -> object:
     """Message of what was wrong with the command line, in our words where we refused it."""
     if isinstance(error.__cause__, InputError):
         return error.__cause__
-    told = _renamed_option(error) or _left_over(error) or _elsewhere(error) or f"{error}{_blanks(error)}"
+    told = _renamed_option(error) or _left_over(error, given) or _elsewhere(error) or str(error)
     return f"{told} See {_called(error.command_chain or ())} --help"
-
-
-def _blanks(error: CycloptsError) -> str:
-    """Hint at the way to give several numbers; empty for other errors."""
-    given = error.token.value if isinstance(error, CoercionError) and error.token else ""
-    return " Numbers are separated by blanks." if "," in given else ""
 
 
 def _elsewhere(error: CycloptsError) -> str:
@@ -177,14 +170,26 @@ def _elsewhere(error: CycloptsError) -> str:
     return f"Unknown command {word!r}. Did you mean adaptctl {meant}?"
 
 
-def _left_over(error: CycloptsError) -> str:
-    """Message of words that no flag takes, which offers `--robot` to a robot file; empty for other errors."""
+def _left_over(error: CycloptsError, given: Sequence[str]) -> str:
+    """Message of words that no flag takes, which offers what they may belong to; empty for other errors."""
     if not isinstance(error, UnusedCliTokensError) or not error.unused_tokens:
         return ""
     words = error.unused_tokens
     robots = [word for word in words if word.endswith(ROBOT_SUFFIXES)]
-    hint = f" Did you mean --robot {robots[0]}?" if robots and "experiment" in (error.command_chain or ()) else ""
+    if robots and "experiment" in (error.command_chain or ()):
+        hint = f" Did you mean --robot {robots[0]}?"
+    else:
+        hint = _joined(words, given)
     return f"{' '.join(map(repr, words))}: no argument of this command.{hint}"
+
+
+def _joined(words: Sequence[str], given: Sequence[str]) -> str:
+    """Hint that several values of one flag are joined by commas; empty where the words follow none."""
+    start = next((i for i, word in enumerate(given) if list(given[i : i + len(words)]) == list(words)), 0)
+    flag, value = given[start - 2 : start] if start >= 2 else ("", "")
+    if not flag.startswith("--") or value.startswith("--"):
+        return ""
+    return f" If they are more values of {flag}, join them by commas: {flag} {','.join([value, *words])}"
 
 
 def _renamed_option(error: CycloptsError) -> str:

@@ -3,31 +3,68 @@
 from __future__ import annotations
 
 import math
-from contextlib import suppress
+import re
+from collections.abc import Sequence
 from typing import get_args
 
-from cyclopts import App, ArgumentCollection
+from cyclopts import App, Argument, ArgumentCollection
 
 from adaptctl.errors import InputError
 
+NUMBER_AND_UNIT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?) ?([^\d\s,.;].*)", re.IGNORECASE)
+UNIT = re.compile(r", (s|Hz|rad|m|kg|1/s|N m s/rad|N m|%)(?=[.;,]| if | or m|$)")
+"""of a flag, in its help"""
+FACTORS = {
+    ("ms", "s"): 1e-3, ("us", "s"): 1e-6, ("µs", "s"): 1e-6, ("min", "s"): 60.0, ("h", "s"): 3600.0,
+    ("kHz", "Hz"): 1e3, ("deg", "rad"): math.pi / 180.0, ("°", "rad"): math.pi / 180.0,
+    ("mm", "m"): 1e-3, ("cm", "m"): 1e-2, ("g", "kg"): 1e-3,
+}  # fmt: skip
+
 
 def plain_numbers(app: App, commands: tuple[str, ...], arguments: ArgumentCollection) -> None:
-    """Raise `InputError` for 1.5 as a whole number, which cyclopts would round, and for sizes that nothing has."""
+    """Raise `InputError` for what is no number, 1.5 as a whole one, which cyclopts would round, and absurd sizes."""
     for argument in arguments:
-        for token in argument.tokens if argument.hint is float or float in get_args(argument.hint) else ():
-            _validate_size(argument.name, token.value)
-        for token in argument.tokens if argument.hint is int else ():
+        kinds = (argument.hint, *get_args(argument.hint))
+        for token in argument.tokens if float in kinds and str not in kinds else ():
+            _validate_number(app, argument, token.value)
+        for token in argument.tokens if int in kinds and not {str, float} & set(kinds) else ():
             if not token.value.strip().removeprefix("-").isdecimal():
                 raise InputError(f"{argument.name}: expected a whole number, got {token.value!r}")
 
 
-def _validate_size(name: str, text: str) -> None:
-    """Raise `InputError` for a finite number, not 0, too large or small to be reckoned with."""
+def _validate_number(app: App, argument: Argument, text: str) -> None:
+    """Raise `InputError` for no number, and for a finite one, not 0, too large or small to be reckoned with."""
     from adaptctl.arrays import MAX_SETTING
 
-    size = 0.0
-    with suppress(ValueError):  # what is no number is refused by cyclopts
+    try:
         size = abs(float(text))
+    except ValueError as error:
+        told = _instead(text, _unit(app, argument), get_args(argument.hint))
+        raise InputError(f"{argument.name}: {told}") from error
     least, most = 1.0 / MAX_SETTING, MAX_SETTING
     if math.isfinite(size) and size != 0.0 and not least <= size <= most:
-        raise InputError(f"{name}: expected 0 or a number of a size from {least:g} to {most:g}, got {text}")
+        raise InputError(f"{argument.name}: expected 0 or a number of a size from {least:g} to {most:g}, got {text}")
+
+
+def _unit(app: App, argument: Argument) -> str:
+    """Unit of a flag, as its help says it, or the docstring of its command; empty where they say none."""
+    doc = getattr(app.default_command, "__doc__", None) or ""
+    entry = re.search(rf"^ +{argument.field_info.name} : .*\n((?: {{8}}.*\n)+)", doc, re.MULTILINE)
+    told = UNIT.search(argument.parameter.help or (" ".join(entry[1].split()) if entry else ""))
+    return told[1] if told else ""
+
+
+def _instead(text: str, unit: str, kinds: Sequence[object]) -> str:
+    """What to write in place of a text that is no number."""
+    expected = f"expected a number{f' in {unit}' if unit else ''}, got {text!r}"
+    parts = [part for part in re.split(r"[,;\s]+", text) if part]
+    if len(parts) == 2 and Ellipsis not in kinds and kinds.count(float) < 2:
+        return f"{expected}; write {'.'.join(parts)}, with a point"
+    if len(parts) > 1:
+        return f"{expected}; numbers are separated by blanks: {' '.join(parts)}"
+    if (found := NUMBER_AND_UNIT.fullmatch(text.strip())) is None:
+        return expected
+    factor = 1.0 if found[2] == unit else FACTORS.get((found[2], unit))
+    if factor is None:
+        return f"{expected}; write the number alone{f', in {unit}' if unit else ', in the unit that --help states'}"
+    return f"{expected}; write {float(found[1]) * factor:.10g}"

@@ -14,8 +14,9 @@ def pairs(option: str, given: Pairs) -> dict[str, str]:
     """Values by what they are of."""
     from adaptctl.errors import InputError
 
-    for pair in given:
+    for i, pair in enumerate(given):
         if "=" not in pair:
-            raise InputError(f"{option}: expected {EXAMPLES[option]}, got {pair!r}")
+            before = f"; if it is one more of the last: {given[i - 1]},{pair}" if i else ""
+            raise InputError(f"{option}: expected {EXAMPLES[option]}, got {pair!r}{before}")
     parts = (pair.partition("=") for pair in given)
     return {what: value for what, _, value in parts}

@@ -193,5 +193,6 @@ def _unlearned(interface: Interface, started: float, ended: float) -> str | None
         SMALL_ERROR, LEARNED_SHARE * started
     ):
         return None
-    first, last = (f"{1e3 * error:.3g} {error_unit(interface.mechanism)}" for error in (started, ended))
+    unit = "" if interface.mechanism is None else error_unit(interface.mechanism)
+    first, last = (f"{1e3 * error:.3g} {unit}" for error in (started, ended))
     return f"it does not learn: the error is {first} initially and {last} finally; use other gains"

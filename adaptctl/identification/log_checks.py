@@ -30,6 +30,8 @@ SPIKE_SHARE, SPIKE_RATIO, AROUND = 0.5, 12.0, 5
 CLIPPED_RATIO, CLIPPED_SHARE, NEXT_VALUES = 6.0, 2e-3, 5
 # Seconds and samples of one torque, and times the usual run of one and the fifth longest, from where on it is frozen.
 FROZEN_TIME, FROZEN_SAMPLES, FROZEN_RATIO, FEWER_RATIO = 0.1, 20, 10.0, 4.0
+# Samples by which stretches of several joints differ that froze at once.
+AT_ONCE = 2
 # Range of torques over the largest of a robot's, below which it is dead, and share of rows with a value of their own
 # from where on a column's quantum is below its noise.
 DEAD_SHARE, OWN_VALUES = 3e-4, 0.5
@@ -54,8 +56,10 @@ def checked_log(log: JointLog, mechanism: Mechanism) -> tuple[JointLog, list[Pre
         release()
         words = _filled_words(log, joint, "positions that it cannot reach", wrong)
         filled.append(words + _filled_words(log, joint, "torques that stand out of their neighbours", spiked))
-    faults = list(_column_faults(log.time, position, torque, joints))
-    notes = (note for pair in zip(filled, faults, strict=True) for own in pair for note in own)
+    dead = _dead(position, torque)
+    faults = list(_column_faults(position, torque, dead, joints))
+    notes = [note for pair in zip(filled, faults, strict=True) for own in pair for note in own]
+    notes += _frozen_words(log.time, position, torque, dead, joints)
     said = (*log.notes, *(f"{log.source}: {note}" for note in notes))
     rates = None if log.velocity is None or velocity is None else _of_columns(velocity, log.velocity)
     positions, torques = _of_columns(position, log.position), _of_columns(torque, log.torque)
@@ -149,10 +153,10 @@ def _spiked(torque: Array) -> NDArray[np.bool_]:
 
 
 def _column_faults(
-    time: Array, position: Sequence[Array], torque: Sequence[Array], joints: Sequence[Joint]
+    position: Sequence[Array], torque: Sequence[Array], dead: NDArray[np.bool_], joints: Sequence[Joint]
 ) -> Iterator[list[str]]:
-    """Sentences on each joint's torque that is clipped, frozen or dead."""
-    any_moved, dead = _moved(position), _dead(position, torque)
+    """Sentences on each joint's torque that is clipped or dead."""
+    any_moved = _moved(position)
     for j, joint in enumerate(joints):
         release()
         own, unit = torque[j], joint.kind.effort_unit
@@ -160,7 +164,7 @@ def _column_faults(
             held = f"{own.mean():.3g} {unit} to within {np.ptp(own):.2g}"
             yield [f"the torque of joint {joint.name!r} is {held}: its sensor seems dead"]
         else:
-            yield [*_clipped_words(own[any_moved], joint), *_frozen_words(time, own, position[j], joint)]
+            yield list(_clipped_words(own[any_moved], joint))
 
 
 def _moved(position: Sequence[Array]) -> NDArray[np.bool_]:
@@ -180,13 +184,23 @@ def _clipped_words(torque: Array, joint: Joint) -> Iterator[str]:
         )
 
 
-def _frozen_words(time: Array, torque: Array, position: Array, joint: Joint) -> Iterator[str]:
-    start, end = _frozen(torque, position, time)
-    if end > start:
-        yield (
-            f"the torque of joint {joint.name!r} is frozen at {torque[start]:.4g} {joint.kind.effort_unit} from "
-            f"{time[start]:.6g} to {time[end - 1]:.6g} s; cut this stretch out of the log"
-        )
+def _frozen_words(
+    time: Array, position: Sequence[Array], torque: Sequence[Array], dead: NDArray[np.bool_], joints: Sequence[Joint]
+) -> Iterator[str]:
+    """Sentences on stretches of frozen torques, one for all joints that freeze at once."""
+    found: dict[tuple[int, int], list[int]] = {}
+    for j in np.flatnonzero(~dead).tolist():
+        start, end = _frozen(torque[j], position[j], time)
+        release()
+        at = next((own for own in found if max(abs(own[0] - start), abs(own[1] - end)) <= AT_ONCE), (start, end))
+        if end > start:
+            found.setdefault(at, []).append(j)
+    for (start, end), own in found.items():
+        names = ", ".join(repr(joints[j].name) for j in own)
+        values = ", ".join(f"{torque[j][start]:.4g} {joints[j].kind.effort_unit}" for j in own)
+        what = f"the torques of joints {names} are" if len(own) > 1 else f"the torque of joint {names} is"
+        ends = f"from {time[start]:.6g} to {time[end - 1]:.6g} s"
+        yield f"{what} frozen at {values} {ends}; cut this stretch out of the log"
 
 
 def _clipped(torque: Array) -> Iterator[tuple[float, int]]:

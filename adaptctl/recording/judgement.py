@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from adaptctl.dynamics.joint_units import position_units
 from adaptctl.recording.comparison import NO_MODEL, Comparison
 from adaptctl.recording.controller_run import FINAL_ERROR_TIME, ControllerRun, Joints
 from adaptctl.recording.result import Fact, Failure, RunRole, Verdict
@@ -105,12 +106,11 @@ def _in_each_unit(comparison: Comparison, of: Callable[[Joints], float | None]) 
 
 def joint_errors(comparison: Comparison) -> list[tuple[str, str, str]]:
     """Name of each joint, and its root mean square errors in the subject's first second and last two, with units."""
-    subject, found = comparison.subject, []
-    for unit, joints in comparison.joints_by_unit.items():
-        for j in joints:
-            ends = subject.first_rms_error_of([j]), subject.final_rms_error_of([j])
-            found.append((j, *(error(value, f"m{unit}") for value in ends)))
-    return [(comparison.joint_names[j], first, last) for j, first, last in sorted(found)]
+    run, units = comparison.subject, position_units(comparison.mechanism)
+    return [
+        (name, error(run.first_rms_error_of([j]), f"m{unit}"), error(run.final_rms_error_of([j]), f"m{unit}"))
+        for j, (name, unit) in enumerate(zip(comparison.joint_names, units, strict=True))
+    ]
 
 
 def outcome_words(comparison: Comparison) -> str:
