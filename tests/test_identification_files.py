@@ -6,6 +6,7 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -30,6 +31,7 @@ from adaptctl.identification import Identification
 from adaptctl.identification.columns import JointLog, joint_log
 from adaptctl.identification.drives_file import read_drives
 from adaptctl.identification.examples import example
+from adaptctl.identification.files import write_identification
 from adaptctl.identification.filtered_dynamics import SmoothMotion
 from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.identify import identified
@@ -144,9 +146,10 @@ def test_the_headline_is_of_the_written_file(folder: Path) -> None:
 def test_the_report_needs_nothing_else_and_the_recording_is_there(folder: Path) -> None:
     page = (folder / "report.html").read_text()
     assert "http" not in re.sub(r"<footer>.*", "", page, flags=re.DOTALL)
-    for part in ("link_2.mc_x", "Newton", "block jackknife", "cut-off", "data:image/png"):
+    for part in ("link_2.mc_x", "Newton", "block jackknife", "cut-off", "data:image/svg+xml"):
         assert (part in page) is (part != "Newton")
     assert (folder / "recording.rrd").stat().st_size > 10_000
+    assert not (folder / "figures").exists()
 
 
 def slider(*kinds: JointKind) -> Identification:
@@ -161,6 +164,14 @@ def slider(*kinds: JointKind) -> Identification:
     return identified(arm, joint_drives(arm), [log], [log], friction=FrictionModel(), cutoff=12.5, prior_weight=1.0)
 
 
+@nightly
+def test_figures_are_files_on_demand(tmp_path: Path) -> None:
+    found = slider(JointKind.REVOLUTE, JointKind.REVOLUTE)
+    write_identification(tmp_path, found, figures=True)
+    names = {f"{name}.{kind}" for name in ("torques", "residuals", "excitation") for kind in ("png", "pdf", "svg")}
+    assert {path.name for path in (tmp_path / "figures").iterdir()} == names
+
+
 @pytest.mark.parametrize(
     ("kinds", "unit"),
     [
@@ -171,6 +182,11 @@ def slider(*kinds: JointKind) -> Identification:
 )
 def test_the_words_on_an_identification_have_its_joints_units(kinds: tuple[JointKind, ...], unit: str) -> None:
     found = slider(*kinds)
+    for drawing in report(found).drawings:
+        picture = drawing.svg()
+        assert ElementTree.fromstring(picture).tag.endswith("svg")
+        assert "nan" not in picture
+        assert 'height="-' not in picture
     size = " and ".join(f"{x:.3g} {typeset(kind)}" for kind, x in found.validation.rms_errors.items())
     assert {typeset(kind) for kind in found.validation.rms_errors} == set(unit.split(" or "))
     assert f"RMS error of {size} over all joints, " in verdict(found)

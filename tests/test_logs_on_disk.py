@@ -16,7 +16,7 @@ from synthetic_logs import Known, known
 
 from adaptctl.arrays import Array
 from adaptctl.errors import FileError
-from adaptctl.identification import filtered_dynamics, long_logs, preparation
+from adaptctl.identification import convolution, long_logs, preparation
 from adaptctl.identification.columns import joint_log
 from adaptctl.identification.fit import FitSettings
 from adaptctl.identification.friction_model import FrictionModel
@@ -145,7 +145,7 @@ def test_a_fit_to_a_log_on_disk_is_that_to_the_whole(
     for module, name, most in (
         (on_disk, "ROWS_AT_ONCE", 2000),
         (preparation, "SAMPLES_AT_ONCE", 2000),
-        (filtered_dynamics, "SEGMENTS_AT_ONCE", 3),
+        (convolution, "SEGMENTS_AT_ONCE", 3),
         (long_logs, "STRETCH", 1000),
     ):
         monkeypatch.setattr(module, name, int(rng.integers(most // 10 + 1, most)))

@@ -50,6 +50,7 @@ def identify(
     reading: RobotFlags = AS_USUAL,
     out: Folder = Path("results/identify"),
     overwrite: Overwrite = False,
+    figures: bool = False,
     json: Json = False,
 ) -> None:
     """
@@ -99,6 +100,8 @@ def identify(
         Take the log as it is, even if other signs, columns or gravity fit far better.
     energy_differences : float
         Also estimate from energy balances over windows of this length, s, for comparison.
+    figures : bool
+        Also write the report's figures as PNG, PDF and SVG.
     template : Path
         Only write a drives file to edit, from the robot and the names of the first log's columns.
 
@@ -151,7 +154,7 @@ def identify(
             compensated=compensated,
             trust_log=trust_log,
         )
-        notes = _write(folder, found, robot, mechanism)
+        notes = _write(folder, found, robot, mechanism, figures)
         compared = None
         if energy_differences is not None and drives is not None:
             compared = _compared(logs, mechanism, drives, energy_differences, folder / ENERGIES)
@@ -233,11 +236,11 @@ def _compared(logs: tuple[Path, ...], robot: Mechanism, drives: Path, window: fl
     return found
 
 
-def _write(folder: Path, found: Identification, robot: str, before: Mechanism) -> list[str]:
+def _write(folder: Path, found: Identification, robot: str, before: Mechanism, figures: bool) -> list[str]:
     """Files of an identification, and notes on what some of them cannot hold."""
     from adaptctl.identification.files import write_identification
 
-    written = write_identification(folder, found, robot, before)
+    written = write_identification(folder, found, robot, before, figures)
     return [note for one in written if (note := one.note(found)) is not None]
 
 

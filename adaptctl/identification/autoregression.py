@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.linalg import solve_toeplitz
-from scipy.signal import lfilter
 
 from adaptctl.arrays import Array
+from adaptctl.identification.convolution import recursed
 
 # Residuals of a joint are modelled as an autoregression e_t = a_1 e_(t-1) + ... + w_t; the variance of Y'e is then that
 # of w times the sum of squares of Y filtered backwards by 1/(1 - a_1 z - ...).
@@ -20,7 +20,7 @@ PERSISTENCE_ROUNDS, MAX_PERSISTENCE = 2.0, 0.98
 def lasting_covariance(Y: Array, error: Array, parameters: float) -> Array:
     """Covariance (k, k) of sums Y'e over rows Y (n, k) whose errors (n,) are autoregressive."""
     coefficients, variance = autoregression(error, parameters)
-    lasting = lfilter([1.0], np.concatenate([[1.0], -coefficients]), Y[::-1], axis=0)
+    lasting = recursed(coefficients, Y[::-1])
     return np.asarray(variance * lasting.T @ lasting)
 
 

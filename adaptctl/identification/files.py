@@ -17,12 +17,14 @@ from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import AdaptctlError
 from adaptctl.files import hashed, write_json, write_text
+from adaptctl.folders import made_folder
 from adaptctl.identification.identification import Identification
 from adaptctl.identification.report import best_hypotheses, components, consistency, joint_verdicts, report
 from adaptctl.identification.validation import Validation
 from adaptctl.identification.written import WrittenRobot, write_robots
-from adaptctl.recording.drawing import MUTED, joint_color, run_color, thinned
+from adaptctl.recording.drawing import MUTED, joint_color, run_color, thinned, write_figures
 from adaptctl.recording.page import Report
+from adaptctl.recording.result import FIGURES
 from adaptctl.recording.wording import parameter_unit, torque_error_unit, torque_units
 from adaptctl.stages import stage
 from adaptctl.version import __version__
@@ -39,7 +41,11 @@ MAX_RECORDED_SAMPLES = 3000
 
 @stage("writing results")
 def write_identification(
-    folder: str | Path, found: Identification, robot: str | Path | None = None, before: Mechanism | None = None
+    folder: str | Path,
+    found: Identification,
+    robot: str | Path | None = None,
+    before: Mechanism | None = None,
+    figures: bool = False,
 ) -> tuple[WrittenRobot, ...]:
     """Write the files of an identification into a folder, all or none; the robots as their files give them again."""
     with TemporaryDirectory() as aside:
@@ -48,14 +54,17 @@ def write_identification(
         if not np.allclose(whole.predicted, found.validation.predicted, rtol=1e-6, atol=1e-6 * whole.rms_measured):
             raise AdaptctlError(f"{written[0].name}: predicts other torques than the estimate when it is loaded again")
         found = replace(found, validation=whole)
-        shown = report(found, written)
+        shown = report(found, written, figures)
         files: dict[str, Callable[[Path], object]] = {
             **{one.name: partial(copyfile, Path(aside) / one.name) for one in written},
             ESTIMATES: lambda path: write_json(path, estimates(found)),
             **{name: partial(write_text, data=text) for name, text in _payloads(found)},
             VALIDATION: partial(write_validation, found=found),
         }
-        shown.write(folder, summary(found, written), tables=files, record=partial(_record, found, shown))
+        content, record = summary(found, written), partial(_record, found, shown)
+        shown.write(folder, content, tables=files, record=record, figures=False)
+        if figures:
+            write_figures(made_folder(Path(folder) / FIGURES), shown.drawings)
     return written
 
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import welch
 
 from adaptctl.arrays import Array
 from adaptctl.errors import InputError
+from adaptctl.identification.convolution import spectrum
 from adaptctl.identification.momentum_balance import MomentumBalance, PackedRegressor
 from adaptctl.identification.preparation import DIFFERENCE_MARGIN, PreparedLog, derivative, filtered, low_pass, padded
 from adaptctl.logs.on_disk import each_column
@@ -21,7 +21,7 @@ from adaptctl.logs.on_disk import each_column
 # Hz, of positions and velocities before the equations, which are not linear in them.
 MOTION_CUTOFF = 50.0
 # Length in s of the stretches that spectra are of, and the share of the speeds' squares that the motion's band has.
-SPECTRUM_LENGTH, BAND_SHARE, SEGMENTS_AT_ONCE = 8.0, 0.99, 16
+SPECTRUM_LENGTH, BAND_SHARE = 8.0, 0.99
 # Samples in a period of that cut-off: how densely the equations are evaluated.
 OVERSAMPLING = 10.0
 # Rows in a period of a row's own cut-off.
@@ -222,19 +222,7 @@ def position_spectrum(log: PreparedLog) -> tuple[Array, Array]:
     """Frequencies (f,) in Hz and spectrum (f, r) of positions by Welch's method."""
     length = min(len(log.time), max(64, round(SPECTRUM_LENGTH * log.rate)))
     frequency = np.asarray(np.fft.rfftfreq(length, 1.0 / log.rate), dtype=np.float64)
-    return frequency, np.stack([_welch(own, log.rate, length) for own in each_column(log.position)], axis=-1)
-
-
-def _welch(column: Array, rate: float, length: int) -> Array:
-    """Mean spectrum of segments of a column, half of each in the next, of which some are in memory at a time."""
-    step = length - length // 2
-    count = (len(column) - length // 2) // step
-    total = np.zeros(length // 2 + 1)
-    for first in range(0, count, SEGMENTS_AT_ONCE):
-        own = min(SEGMENTS_AT_ONCE, count - first)
-        part = column[first * step : (first + own - 1) * step + length]
-        total += own * welch(part, rate, nperseg=length)[1]
-    return total / count
+    return frequency, np.stack([spectrum(own, log.rate, length) for own in each_column(log.position)], axis=-1)
 
 
 def _band(log: PreparedLog) -> float:

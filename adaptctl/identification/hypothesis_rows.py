@@ -8,7 +8,6 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import block_diag, csr_array
 
 from adaptctl.arrays import Array
 from adaptctl.caching import cached_property
@@ -96,19 +95,7 @@ class HypothesisRows:
 
     def filtered(self, values: Array) -> Array:
         """Values (M, ...) at all instants through the filter: (n, ...) at rows."""
-        flat = self._filter @ values.reshape(len(values), -1)
-        return np.asarray(flat).reshape(-1, *values.shape[1:])
-
-    @cached_property
-    def _filter(self) -> csr_array:
-        """Filter (n, M) from instants to rows, which is short, so that a sparse product is quicker than transforms."""
-        blocks = []
-        for _, f, part in self._parts(self.position):
-            starts = np.arange(0, len(part) - f.taps + 1, f.every)
-            places = (starts[:, None] + np.arange(f.taps)).ravel()
-            ends = f.taps * np.arange(len(starts) + 1)
-            blocks.append(csr_array((np.tile(f.kernel[::-1], len(starts)), places, ends), (len(starts), len(part))))
-        return csr_array(block_diag(blocks, format="csr"))
+        return np.concatenate([f.signal(part) for _, f, part in self._parts(values)])
 
     def regressor(self, mechanism: Mechanism, position: Array, velocity: Array, acceleration: Array) -> Array:
         """Regressor (n, r, P) of another motion of the joints, or of another mechanism."""
@@ -116,9 +103,16 @@ class HypothesisRows:
 
     def _parts(self, values: Array) -> Iterator[tuple[SmoothMotion, RowFilter, Array]]:
         ends = np.cumsum([0, *(len(motion.position) for motion in self.windows)]).tolist()
-        for motion, (a, b) in zip(self.windows, pairwise(ends), strict=True):
-            stride = min(int(motion.rate / (ROWS_PER_PERIOD * self.evidence.band)), ends[-1] // MIN_ROWS)
-            yield motion, replace(RowFilter.of(motion, self.evidence.band), every=max(1, stride)), values[a:b]
+        each = zip(self.windows, self._filters, pairwise(ends), strict=True)
+        return ((motion, own, values[a:b]) for motion, own, (a, b) in each)
+
+    @cached_property
+    def _filters(self) -> list[RowFilter]:
+        """Filter of each window."""
+        band, most = self.evidence.band, len(self.position) // MIN_ROWS
+        strides = (min(int(motion.rate / (ROWS_PER_PERIOD * band)), most) for motion in self.windows)
+        pairs = zip(self.windows, strides, strict=True)
+        return [replace(RowFilter.of(motion, band), every=max(1, stride)) for motion, stride in pairs]
 
     def mixed(self, mixing: Array) -> NormalEquations:
         """Normal equations of the motion as it is and torques that are a matrix (r, r) times the log's."""

@@ -9,14 +9,13 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-from scipy.ndimage import median_filter
 
 from adaptctl.arrays import Array
 from adaptctl.description.joint import Joint
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identification.columns import JointLog
+from adaptctl.identification.convolution import median_of_five
 from adaptctl.identification.preparation import MIN_GAP_PERIODS, PreparationStep, unwrapped, whole_ends
 from adaptctl.logs.on_disk import each_column, of_columns, release
 from adaptctl.stages import stage
@@ -25,7 +24,7 @@ from adaptctl.stages import stage
 # it is back, or is no outlier.
 JUMP_RATIO, LEAST_JUMP, LONGEST_RUN = 8.0, 0.01, 20
 # Torque off the median of five over the range of 98 % of the torques, and over the median of such differences.
-SPIKE_SHARE, SPIKE_RATIO, AROUND = 0.5, 12.0, 5
+SPIKE_SHARE, SPIKE_RATIO = 0.5, 12.0
 # Samples at the greatest torque over those at any of the next values, and least share of them in the log.
 CLIPPED_RATIO, CLIPPED_SHARE, NEXT_VALUES = 6.0, 2e-3, 5
 # Seconds and samples of one torque, and times the usual run of one and the fifth longest, from where on it is frozen.
@@ -142,12 +141,14 @@ def _impossible(values: Array, periods: Array | float = 1.0) -> tuple[NDArray[np
 def _filled(time: Array, values: Array, wrong: NDArray[np.bool_]) -> Array:
     if not wrong.any() or np.count_nonzero(~wrong) < 4:
         return values
+    from scipy.interpolate import CubicSpline  # loaded only where there are faults
+
     return np.where(wrong, CubicSpline(time[~wrong], values[~wrong])(time), values)
 
 
 def _spiked(torque: Array) -> NDArray[np.bool_]:
     """Mask (n,) of single torques that are far from those around them."""
-    off = np.abs(torque - median_filter(torque, AROUND, mode="nearest"))
+    off = np.abs(torque - median_of_five(torque))
     low, high = np.percentile(torque, [1.0, 99.0])
     return np.asarray(off > max(SPIKE_SHARE * (high - low), SPIKE_RATIO * float(np.median(off)), 1e-12))
 

@@ -11,12 +11,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
-from scipy.signal import firwin, oaconvolve
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identification.columns import JointLog
+from adaptctl.identification.convolution import convolved, windowed_sinc
 from adaptctl.logs.on_disk import each_column, of_columns, release, rowwise
 
 # Length of a kernel, in periods of its cut-off.
@@ -29,7 +29,7 @@ DIFFERENCE_MARGIN = len(DIFFERENCE) // 2
 def low_pass(cutoff: float, rate: float) -> Array:
     """Symmetric kernel (t,) that sums to 1 and halves a sine of `cutoff` Hz."""
     taps = 2 * round(0.5 * KERNEL_PERIODS * rate / cutoff) + 1
-    return np.asarray(firwin(taps, cutoff, window=("kaiser", 5.0), fs=rate))
+    return windowed_sinc(taps, cutoff, rate)
 
 
 def padded(kernel: Array) -> Array:
@@ -49,7 +49,7 @@ def filtered(signal: ArrayLike, kernel: Array, every: int = 1) -> Array:
         raise InputError(f"signal: expected at least {len(kernel)} samples, as the kernel has, got {len(values)}")
     flat = values.reshape(len(values), -1)
     whole = every == 1
-    out = oaconvolve(flat, kernel[:, None], mode="valid", axes=0) if whole else _thinned(flat, kernel[::-1], every)
+    out = convolved(flat, kernel) if whole else _thinned(flat, kernel[::-1], every)
     return np.asarray(out).reshape(-1, *values.shape[1:])
 
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # Rows over which residuals are correlated; at most as many points of a curve
-MAX_LAGS, MAX_DRAWN_POINTS = 60, 3000
+MAX_LAGS, MAX_DRAWN_POINTS = 60, 1500
 SOURCE = (
     f"Method: {SHEU_WALKER}; T. Lee, P. M. Wensing and F. C. Park, Geometric Robot Dynamic Identification, IEEE "
     "Transactions on Robotics 36(2), 2020."
@@ -182,8 +182,8 @@ def _meaning(found: Identification) -> Section:
     return Section("What the columns mean", (told, Table(("hypothesis", "in words", "error", ""), rows, align="llrl")))
 
 
-def report(found: Identification, written: Sequence[WrittenRobot] = ()) -> Report:
-    """Report of an identification, with what its files predict."""
+def report(found: Identification, written: Sequence[WrittenRobot] = (), figures: bool = False) -> Report:
+    """Report of an identification, with what its files predict, and beside it files of its figures or none."""
     return Report(
         experiment="identify",
         title=f"{found.mechanism.name}, identified",
@@ -200,6 +200,7 @@ def report(found: Identification, written: Sequence[WrittenRobot] = ()) -> Repor
                 "The moving arm, with measured and predicted torques.",
                 "The numbers of this report, as JSON.",
                 {"validation.parquet": "Measured and predicted torques."},
+                figures=figures,
             ),
         ),
         source=SOURCE,
@@ -229,12 +230,14 @@ def _prediction(found: Identification, written: Sequence[WrittenRobot]) -> Secti
         f"Measured and predicted torques of all joints on {validation.origin}, below {validation.cutoff:.3g} Hz. "
         "Predictions use only the measured motion.",
         partial(_torques, found),
+        plain=True,
     )
     residuals = Drawing(
         "residuals",
         "Residuals of the torque prediction: over time, and their autocorrelation over lags in rows. White noise has "
         "none.",
         partial(_residuals, found),
+        plain=True,
     )
     estimates = {
         "this estimate, robot.toml": validation,
@@ -283,6 +286,7 @@ def _excited(found: Identification) -> Section:
         "Excitation of every combination of base parameters: its prior range over the standard deviation for white "
         "residuals.",
         partial(_excitation, found),
+        plain=True,
     )
     left = (
         "The logs do not excite these combinations; the estimate has the values of the robot file:",
@@ -317,8 +321,8 @@ def _torques(found: Identification) -> Figure:
     for j, (ax,) in enumerate(axes):
         ax.plot(v.time[every], v.measured[every, j], ".", color=MUTED.hex, markersize=2.5, label="measured")
         ax.plot(v.time[every], v.predicted[every, j], color=run_color(0).hex, linewidth=1.2, label="predicted")
-    axes[0][0].legend(loc="upper right", ncols=2)
     axes[-1][0].set_xlabel("time in the log [s]")
+    figure.legend(*axes[0][0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
     return figure
 
 
@@ -328,7 +332,8 @@ def _residuals(found: Identification) -> Figure:
     every = thinned(len(v.time), MAX_DRAWN_POINTS)
     for j, (over_time, over_lags) in enumerate(axes):
         over_time.plot(v.time[every], v.error[every, j], color=run_color(0).hex, linewidth=0.9)
-        over_lags.bar(np.arange(len(correlation)), correlation[:, j], color=run_color(0).hex, width=0.8)
+        places, colors = np.arange(len(correlation)), [run_color(0).hex] * len(correlation)
+        over_lags.bar(places, correlation[:, j], bottom=0.0, color=colors, width=0.8)
         over_lags.set_ylim(-0.5, 1.05)
     axes[-1][0].set_xlabel("time in the log [s]")
     axes[-1][1].set_xlabel("lag [rows]")

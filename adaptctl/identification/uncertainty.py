@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import norm, t
+from scipy.special import ndtri, stdtrit
 
 from adaptctl.arrays import Array, positive_per_joint
 from adaptctl.control.adaptation import PriorRanges
@@ -32,7 +32,7 @@ class Student(NamedTuple):
     @property
     def quantile_ratio(self) -> float:
         """Ratio of its 97.5 % quantile to that of the normal distribution."""
-        return float(t.ppf(0.975, self.blocks - 1) / norm.ppf(0.975))
+        return float(stdtrit(self.blocks - 1, 0.975) / ndtri(0.975))
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import nnls
 
 from adaptctl.arrays import Array
 from adaptctl.description.description import STANDARD_GRAVITY
@@ -146,6 +145,15 @@ def _two_terms(mechanism: Mechanism, speeds: Array) -> list[tuple[float | None, 
         if not own.any():
             found.append((joint.drive.viscous, joint.drive.coulomb))
             continue
-        viscous, coulomb = nnls(np.stack([np.asarray(friction(kind, s)) for kind in both], axis=-1), own)[0].tolist()
-        found.append((viscous, coulomb))
+        found.append(_nonnegative(np.stack([np.asarray(friction(kind, s)) for kind in both], axis=-1), own))
     return found
+
+
+def _nonnegative(columns: Array, wanted: Array) -> tuple[float, float]:
+    """Factors of two columns (n, 2), at least 0, whose sum is nearest to a third one."""
+    x = np.linalg.lstsq(columns, wanted)[0]
+    alone = np.maximum(columns.T @ wanted, 0.0) / np.maximum(np.square(columns).sum(axis=0), 1e-300)
+    tried = np.diag(alone) if (x < 0.0).any() else x[None]
+    errors = [np.linalg.norm(columns @ one - wanted) for one in tried]
+    viscous, coulomb = tried[int(np.argmin(errors))].tolist()
+    return viscous, coulomb

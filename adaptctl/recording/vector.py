@@ -164,7 +164,8 @@ class Panel:
 
     def _spans(self, across: Scale, down: Scale, width: float, height: float) -> Iterable[str]:
         for span in self.spans:
-            ends = zip(np.clip(down(span.high), 0.0, height), np.clip(down(span.low), 0.0, height), strict=True)
+            both = np.clip([down(span.high), down(span.low)], 0.0, height)
+            ends = zip(both.min(axis=0), both.max(axis=0), strict=True)
             half = across(np.array([0.5 * span.width]))[0] - across(np.zeros(1))[0] if span.width else 0.0
             middles = np.zeros(1) if span.places is None else across(span.places)
             for middle, (high, low), color in zip(middles, ends, span.colors, strict=True):

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import minimize
 
 from adaptctl.arrays import Array, frozen_array, numbers, positive_number, whole_count
 from adaptctl.caching import cached_property
@@ -272,6 +271,8 @@ def excitation_trajectory(
     complete = True
     try:
         options = {"maxiter": iterations, "maxfun": 100 * iterations * search.size}
+        from scipy.optimize import minimize  # takes long to load
+
         minimize(best.cost, best.x, method="L-BFGS-B", callback=best.iterated, options=options)  # type: ignore[call-overload]  # in no stub
     except KeyboardInterrupt:
         complete = False

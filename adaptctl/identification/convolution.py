@@ -1,0 +1,70 @@
+"""Filters, spectra and recursions of columns: what is needed of SciPy's signal processing, which takes long to load."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.linalg.lapack import dtbtrs
+from scipy.special import i0
+
+from adaptctl.arrays import Array
+
+# Parameter of Kaiser's window, and numbers that a transform has at least, over the kernel's length.
+KAISER, TRANSFORMED = 5.0, 8
+# Segments of a spectrum that are in memory at a time.
+SEGMENTS_AT_ONCE = 16
+
+
+def windowed_sinc(taps: int, cutoff: float, rate: float) -> Array:
+    """Symmetric kernel (t,) of a low-pass filter that sums to 1, by Kaiser's window; `taps` is odd."""
+    place = np.arange(taps) - 0.5 * (taps - 1)
+    window = i0(KAISER * np.sqrt(1.0 - (2.0 * place / max(taps - 1, 1)) ** 2)) / i0(KAISER)
+    kernel = np.sinc(2.0 * cutoff / rate * place) * window
+    return np.asarray(kernel / kernel.sum())
+
+
+def convolved(values: Array, kernel: Array) -> Array:
+    """Convolution (m, k) of columns (n, k) with a kernel (t,), where that is wholly within them, by transforms."""
+    taps, wanted = len(kernel), len(values) - len(kernel) + 1
+    length = 1 << (TRANSFORMED * taps - 1).bit_length()
+    length = min(length, 1 << (len(values) - 1).bit_length())
+    step = length - taps + 1
+    blocks = -(-wanted // step)
+    whole = np.pad(values, ((0, (blocks - 1) * step + length - len(values)), (0, 0)))
+    windows = sliding_window_view(whole, length, axis=0)[::step]
+    spectrum = np.fft.rfft(windows) * np.fft.rfft(kernel, length)
+    parts = np.fft.irfft(spectrum, length)[..., taps - 1 :]
+    return np.asarray(parts.swapaxes(1, 2).reshape(-1, values.shape[1])[:wanted])
+
+
+def spectrum(column: Array, rate: float, length: int) -> Array:
+    """Power (f,) per Hz of a column (n,): mean of segments that overlap by half, under Hann's window (Welch 1967)."""
+    step = length - length // 2
+    count = (len(column) - length // 2) // step
+    window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / length)
+    total = np.zeros(length // 2 + 1)
+    for first in range(0, count, SEGMENTS_AT_ONCE):
+        part = column[first * step : (min(first + SEGMENTS_AT_ONCE, count) - 1) * step + length]
+        segments = sliding_window_view(part, length)[::step]
+        centred = segments - segments.mean(axis=1, keepdims=True)
+        total += np.square(np.abs(np.fft.rfft(centred * window))).sum(axis=0)
+    twice = np.full(len(total), 2.0)
+    twice[0] = 1.0
+    twice[length // 2 if length % 2 == 0 else len(total) :] = 1.0
+    return np.asarray(twice * total / (count * rate * np.square(window).sum()))
+
+
+def recursed(coefficients: Array, values: Array) -> Array:
+    """Solution (n, k) of y_t = a_1 y_(t-1) + a_2 y_(t-2) + ... + x_t for columns (n, k) of x, from rest."""
+    bands = np.concatenate([[1.0], -coefficients])[:, None] * np.ones(len(values))
+    found, _ = dtbtrs(bands, values, uplo=b"L", diag=b"U")
+    return np.asarray(found)
+
+
+def median_of_five(column: Array) -> Array:
+    """Medians (n,) of each number of a column and the two on either side, the ends repeated."""
+    a, b, middle, c, d = sliding_window_view(np.pad(column, 2, mode="edge"), 5).T
+    low, high = np.maximum(np.minimum(a, b), np.minimum(c, d)), np.maximum(a, b)
+    np.minimum(high, np.maximum(c, d), out=high)
+    lower, upper = np.minimum(low, high), np.maximum(low, high, out=high)
+    return np.asarray(np.maximum(lower, np.minimum(middle, upper, out=upper), out=upper))
