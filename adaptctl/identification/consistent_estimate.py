@@ -29,6 +29,8 @@ for k, (i, j) in enumerate(PAIRS):
     DIRECTIONS[k, i, j] = DIRECTIONS[k, j, i] = 1.0 if i == j else np.sqrt(0.5)
 FROM_DIRECTIONS = np.linalg.inv(np.einsum("aij,kij->ak", DIRECTIONS, UNIT_PSEUDO_INERTIAS))
 EYE, FLAT = np.eye(4), DIRECTIONS.reshape(10, 16)
+# Logarithm of a factor on the prior's links from which on a search begins there, as of logs in another unit.
+FAR = np.log(30.0)
 # Steps at most of a search from a start; share of the way to the cone's edge that one takes; power of the predictor's
 # success that sets the next target; and share of the multipliers at the start of those that balance the data there.
 MAX_WARM_STEPS, EDGE_SHARE, TARGET_POWER, FIRST_SHARE = 15, 0.98, 2.0, 0.1
@@ -51,7 +53,7 @@ def consistent_estimate(A: Array, b: Array, prior: EntropicPrior, weight: float,
     if not (np.all(np.isfinite(A)) and np.all(np.isfinite(b))):
         raise AdaptctlError("the sums of the rows' squares are not finite; check the units of the columns")
     problem, found = _Problem(A, b, prior, weight), list[_Point]()
-    origin = prior.start(len(b))
+    origin = _near(A, b, prior)
     searches = [(origin, power, steps) for power, steps in CORRECTORS]
     first = [] if start is None else [(start, 0.0, MAX_WARM_STEPS)]
     for begun, power, steps in (*first, *searches):
@@ -61,6 +63,14 @@ def consistent_estimate(A: Array, b: Array, prior: EntropicPrior, weight: float,
             if converged:
                 return _inside(point.x, prior)
     return _inside(min((point.x for point in found), key=problem.height, default=origin), prior)
+
+
+def _near(A: Array, b: Array, prior: EntropicPrior) -> Array:
+    """Prior's own parameters (P,); where the squares ask for links many times as heavy or light, such a multiple."""
+    x, links = prior.start(len(b)), np.arange(len(b)) < prior.tens.size
+    own = np.where(links, x, 0.0)
+    times = float(b @ own) / (float(own @ A @ own) or 1.0)
+    return np.where(links, times * x, x) if times > 0.0 and abs(np.log(times)) > FAR else x
 
 
 def _searched(problem: _Problem, point: _Point, steps: int, power: float) -> tuple[_Point, bool]:
