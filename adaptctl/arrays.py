@@ -59,7 +59,7 @@ def numbers(values: ArrayLike, what: str, kind: str = "") -> Array:
 
 
 def validate_plain(values: object) -> None:
-    """Raise for numbers that a conversion would misread: parts, durations, fields and what a mask hides."""
+    """Raise `TypeError` for complex numbers, durations, named fields and masked elements, which floats cannot hold."""
     if getattr(getattr(values, "dtype", None), "kind", "") in ("c", "m", "M", "V"):
         raise TypeError("complex numbers, durations and named fields are not supported")
     if type(values) is np.ndarray:

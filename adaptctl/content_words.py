@@ -63,9 +63,10 @@ def _errors_of_keys(plain: dict[str, Any], kind: Any, place: str) -> Iterator[st
     if other := [told for value, own in schema for told in errors_of(value, own, "$.schema")]:
         yield from other  # whose keys have other names
         return
-    for name in plain if kind.__struct_config__.forbid_unknown_fields else ():
-        if name not in fields:
-            yield f"unknown field `{name}`{_at(place)}; expected one of {', '.join(fields)}"
+    unknown = [name for name in plain if name not in fields] if kind.__struct_config__.forbid_unknown_fields else []
+    if unknown:
+        what = f"unknown field{'s' if len(unknown) > 1 else ''} {', '.join(f'`{name}`' for name in unknown)}"
+        yield f"{what}{_at(place)}; expected one of {', '.join(fields)}"
     for name, field in fields.items():
         if name in plain:
             yield from errors_of(plain[name], field.type, f"{place}.{name}")

@@ -197,7 +197,7 @@ def test_a_motion_after_a_log_adds_what_that_left_open(tmp_path: Path) -> None:
     ("given", "message"),
     [
         (["--start", "9", "0"], "start: joint 'turn' at 9 is outside its range"),
-        (["--start", "0"], "start: expected"),
+        (["--start", "0"], "--start: boxes has 2 joints"),
         (["--box", "0", "0"], "--box: expected six numbers"),
         (["--box", "5", "5", "5", "6", "6", "6"], "start: the pose collides, leaves the workspace, or"),
         (["--duration", "3"], "duration: expected more than 4 s, twice the fade, got 3"),

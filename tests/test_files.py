@@ -245,6 +245,7 @@ def test_byte_order_mark_is_no_trouble(tmp_path: Path) -> None:
         ("parts = [{mass = nan}]", r"expected a finite number, got nan - at `\$.parts\[0\].mass`"),
         ("parts = [{mass = 1}, {mass = -inf}]", r"got -inf - at `\$.parts\[1\].mass`"),
         ("mas = 1", r"unknown field `mas`; expected one of parts, extra, name$"),
+        ("mas = 1\nmess = 1", r"unknown fields `mas`, `mess`; expected one of parts, extra, name$"),
         ("parts = [{mas = 1}]", r"unknown field `mas` - at `\$.parts\[0\]`; expected one of mass, kind"),
         ("extra = {mas = 1}", r"unknown field `mas` - at `\$.extra`; expected one of mass, kind"),
         (

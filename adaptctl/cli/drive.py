@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from adaptctl.cli.output import Folder, Overwrite, WrappedTable, print_parts, titled, words
-from adaptctl.cli.robot import AS_USUAL, RobotFlags
+from adaptctl.cli.robot import AS_USUAL, RobotFlags, validate_posture
 from adaptctl.errors import InputError
 
 if TYPE_CHECKING:
@@ -111,7 +111,9 @@ def connected(
     from adaptctl import hardware
 
     if start:
-        _validate_start(vendor, arm, start)
+        if vendor != "mujoco":
+            raise InputError(f"--start is for mujoco: a {vendor} robot stands where it stands")
+        validate_posture("--start", arm, start)
     if vendor == "franka":
         return hardware.FrankaRobot(address, real_time=not any_kernel)
     if vendor == "ur":
@@ -121,19 +123,6 @@ def connected(
     if vendor == "udp":
         return hardware.UDPRobot(address, hardware.HardwareLimits.of(arm, torque_rate=1000.0))
     return hardware.MuJoCoRobot(address, start=start, real_time=True)
-
-
-def _validate_start(vendor: str, arm: Mechanism, start: Sequence[float]) -> None:
-    names = [joint.name for joint in arm.primary_joints]
-    if vendor != "mujoco":
-        raise InputError(f"--start is for mujoco: a {vendor} robot stands where it stands")
-    if len(start) != len(names):
-        given = f"{len(start)} position{'s are' if len(start) > 1 else ' is'} given"
-        raise InputError(f"--start: {arm.name} has {len(names)} joints ({', '.join(names)}), but {given}")
-    for joint, place in zip(arm.primary_joints, start, strict=True):
-        if not joint.limits.lower <= place <= joint.limits.upper:
-            ends = f"{joint.limits.lower:g} to {joint.limits.upper:g}"
-            raise InputError(f"--start: joint {joint.name!r} at {place:g} is outside its range, {ends}")
 
 
 def _driven(

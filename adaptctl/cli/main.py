@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import sys
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from io import TextIOWrapper
 from typing import TextIO
@@ -21,7 +22,7 @@ from cyclopts import (
 )
 
 from adaptctl.cli.heartbeat import heartbeat
-from adaptctl.cli.numbers import plain_numbers
+from adaptctl.cli.numbers import none_missing, plain_numbers
 from adaptctl.cli.robot import note_on
 from adaptctl.errors import (
     AdaptctlError,
@@ -32,6 +33,7 @@ from adaptctl.errors import (
     SimplificationWarning,
     VerdictError,
     printable,
+    suggested_name,
 )
 from adaptctl.optional_packages import needed
 from adaptctl.renamed import NOW_DEFAULT, new_name
@@ -40,6 +42,9 @@ from adaptctl.stages import watching
 DONE, FAILED, WRONG_INPUT, VERDICT, INTERRUPTED = 0, 1, 2, 3, 130
 WRONG_PATHS = (errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR)
 FULL_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
+TOO_FEW = re.compile(r"arameter (\S+) requires (\d+) positional arguments\.(?: Only got (\d+)\.)?")
+LIKE, MOST_LISTED = 0.6, 12
+"""likeness of a flag that may have been meant, and most flags that are listed"""
 ROBOT_SUFFIXES = (".toml", ".urdf", ".xml", ".mjcf")
 PARTS_OF = {"run": "experiment", "list": "experiment", "compare": "experiment", "convert": "experiment"} | {
     "status": "sweep",
@@ -60,7 +65,7 @@ app = App(
     help="Adaptive control of robot mechanisms on their base parameters.",
     help_format="plaintext",
     default_parameter=Parameter(negative=(), consume_multiple=True),
-    config=plain_numbers,
+    config=(plain_numbers, none_missing),
     version=version,
     print_error=False,
     exit_on_error=False,
@@ -152,8 +157,14 @@ def _reason(error: CycloptsError, given: Sequence[str]) -> object:
     """Message of what was wrong with the command line, in our words where we refused it."""
     if isinstance(error.__cause__, InputError):
         return error.__cause__
-    told = _renamed_option(error) or _left_over(error, given) or _elsewhere(error) or str(error)
+    told = _renamed_option(error) or _left_over(error, given) or _elsewhere(error) or _too_few(error) or str(error)
     return f"{told} See {_called(error.command_chain or ())} --help"
+
+
+def _too_few(error: CycloptsError) -> str:
+    """Message of a flag with fewer values than it takes; empty for other errors."""
+    told = TOO_FEW.search(str(error))
+    return f"{told[1]}: expected {told[2]} values, got {told[3] or 0}." if told else ""
 
 
 def _elsewhere(error: CycloptsError) -> str:
@@ -204,8 +215,15 @@ def _renamed_option(error: CycloptsError) -> str:
     known = {name.removeprefix("--").replace("-", "_") for name in names}
     if (other := NOW_DEFAULT.get(option)) in known:
         return f"Unknown option: {flag}, now the default; --{other.replace('_', '-')} is its opposite."
-    new = new_name(option, known)
-    return f"Unknown option: {flag}. Did you mean --{new.replace('_', '-')}?" if new else ""
+    if new := new_name(option, known) or next((name for name in sorted(known) if name.startswith(option)), None):
+        return f"Unknown option: {flag}. Did you mean --{new.replace('_', '-')}?"
+    return "" if suggested_name(option, known, LIKE) else f"Unknown option: {flag}; options: {_some(names)}"
+
+
+def _some(names: Collection[str]) -> str:
+    """The first of the flags among names, in the order of the alphabet, and dots for others."""
+    flags = sorted(name for name in names if name.startswith("--") and not name.startswith("--no-"))
+    return ", ".join(flags[:MOST_LISTED]) + (", ..." if len(flags) > MOST_LISTED else ".")
 
 
 def _called(chain: Sequence[str]) -> str:

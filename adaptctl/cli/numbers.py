@@ -32,6 +32,14 @@ def plain_numbers(app: App, commands: tuple[str, ...], arguments: ArgumentCollec
                 raise InputError(f"{argument.name}: expected a whole number, got {token.value!r}")
 
 
+def none_missing(app: App, commands: tuple[str, ...], arguments: ArgumentCollection) -> None:
+    """Raise `InputError` where several arguments are missing, of which cyclopts would tell the first alone."""
+    names = [argument.name for argument in arguments if argument.required and not argument.tokens]
+    missing = [name.removeprefix("--") if name.isupper() else name for name in names]
+    if len(missing) > 1:
+        raise InputError(f"{', '.join(missing)} are missing; see {' '.join(('adaptctl', *commands))} --help")
+
+
 def _validate_number(app: App, argument: Argument, text: str) -> None:
     """Raise `InputError` for no number, and for a finite one, not 0, too large or small to be reckoned with."""
     from adaptctl.arrays import MAX_SETTING
@@ -55,7 +63,7 @@ def _unit(app: App, argument: Argument) -> str:
 
 
 def _instead(text: str, unit: str, kinds: Sequence[object]) -> str:
-    """What to write in place of a text that is no number."""
+    """Expected number, and what to write in place of a text that is none."""
     expected = f"expected a number{f' in {unit}' if unit else ''}, got {text!r}"
     parts = [part for part in re.split(r"[,;\s]+", text) if part]
     if len(parts) == 2 and Ellipsis not in kinds and kinds.count(float) < 2:

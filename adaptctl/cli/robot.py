@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from adaptctl.errors import AdaptctlError, RoundedAnglesWarning, SimplificationWarning
+from adaptctl.errors import AdaptctlError, InputError, RoundedAnglesWarning, SimplificationWarning
 from adaptctl.stages import stage
 
 if TYPE_CHECKING:
@@ -57,6 +58,18 @@ class RobotFlags:
 
 
 AS_USUAL = RobotFlags()
+
+
+def validate_posture(flag: str, arm: Mechanism, places: Sequence[float]) -> None:
+    """Raise `InputError` for a posture of another number of joints, or beyond their ranges."""
+    names = [joint.name for joint in arm.primary_joints]
+    if len(places) != len(names):
+        given = f"{len(places)} position{'s are' if len(places) > 1 else ' is'} given"
+        raise InputError(f"{flag}: {arm.name} has {len(names)} joints ({', '.join(names)}), but {given}")
+    for joint, place in zip(arm.primary_joints, places, strict=True):
+        if not joint.limits.lower <= place <= joint.limits.upper:
+            ends = f"{joint.limits.lower:g} to {joint.limits.upper:g}"
+            raise InputError(f"{flag}: joint {joint.name!r} at {place:g} is outside its range, {ends}")
 
 
 def note_on(warning: Warning | str) -> str:

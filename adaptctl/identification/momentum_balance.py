@@ -1,4 +1,4 @@
-"""Regressors of momenta's rates less the other forces, at samples of a motion."""
+"""Regressors of the momentum balance (rates of the joints' momenta minus all other forces) at samples of a motion."""
 
 from __future__ import annotations
 

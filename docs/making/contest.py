@@ -61,7 +61,7 @@ def _row(row: Mapping[str, Any]) -> tuple[str, ...]:
 def _told(ranking: Ranking, contest: Contest) -> str:
     counts = ", ".join(f"{len(getattr(ranking, name))} {name}" for name in ("laws", "robots", "conditions", "seeds"))
     return (
-        f"{counts}. Ranks that differ by less than {ranking.critical_difference:.2f} may be of chance.\n"
+        f"{counts}. Ranks that differ by less than {ranking.critical_difference:.2f} may be due to chance.\n"
         f"Between two halves of the seeds: {ranking.halves()}. The set's hash: `{contest.scoring_hash[:16]}…`."
     )
 
