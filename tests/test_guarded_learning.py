@@ -217,6 +217,24 @@ def test_long_rest_with_friction_and_noise_leaves_the_estimate(seconds: float) -
     assert np.abs(rest.error[-60:]).max() < 0.05
 
 
+def judged_by(name: str, rows: Array, weights: Array, missed: Array, noise: float, open_mind: float = 1.0) -> Any:
+    """Verdict on missed torques (n, r) of regressors (n, r, k) and those of weights."""
+    model, r, T = reduced(name), rows.shape[1], 0.01
+    zero = PayloadSums.zero(model)
+    lines, hung = (type(part)(*map(column, part)) for part in (zero.lines, zero.weight))
+    sums = PayloadSums(column(zero.normal), column(zero.right), lines, hung)
+    shares, usual = Column([400.0] * r), Column([noise**2] * r)
+    trusted, damping = column(model.fundamental_parameters), column(gains(name).damping)
+    for Y, G, miss in zip(rows, weights, missed, strict=True):
+        step, test = (
+            JudgedPeriod(T, 1.0, 0.0, shares, trusted, damping),
+            PayloadTest(model, column(open_mind * own_gain(name))),
+        )
+        verdict = test.judged(list(map(column, Y)), list(map(column, G)), column(miss), T * shares, usual, sums, step)
+        sums = verdict.after
+    return verdict
+
+
 def judged(
     mass: float, seed: int, noise: float, offset: float = 0.05, vertical: float | None = None
 ) -> tuple[Any, float]:
@@ -233,15 +251,7 @@ def judged(
     line = rng.uniform(2.0, 10.0, 3) + rng.uniform(-1.0, 1.0, 3) * (np.arange(300) * T)[:, None]
     pushed = line if vertical is None else weights @ rng.normal(size=weights.shape[-1]) * vertical
     missed = (rows @ -change if mass else pushed) + noise * rng.normal(size=(300, 3))
-    zero = PayloadSums.zero(model)
-    lines, hung = (type(part)(*map(column, part)) for part in (zero.lines, zero.weight))
-    sums = PayloadSums(column(zero.normal), column(zero.right), lines, hung)
-    shares, usual = Column([400.0] * 3), Column([max(noise, 1e-3) ** 2] * 3)
-    trusted, damping = column(model.fundamental_parameters), column(gains(ARM).damping)
-    for Y, G, miss in zip(rows, weights, missed, strict=True):
-        step, test = JudgedPeriod(T, 1.0, 0.0, shares, trusted, damping), PayloadTest(model, column(own_gain(ARM)))
-        verdict = test.judged(list(map(column, Y)), list(map(column, G)), column(miss), T * shares, usual, sums, step)
-        sums = verdict.after
+    verdict = judged_by(ARM, rows, weights, missed, max(noise, 1e-3))
     left = rows[-50:] @ (np.array(verdict.change.of) - change)
     return verdict, float(np.abs(left).max() / max(np.abs(rows[-50:] @ change).max(), 1e-9))
 
@@ -271,6 +281,22 @@ def test_a_load_that_takes_away_more_than_there_is_is_no_payload() -> None:
     """As a push feigns one: the last joint would be left with a negative inertia, and the loop could diverge."""
     assert [judged(-4.0, seed, 0.0, 0.5)[0].payload for seed in range(2)] == [0.0] * 2
     assert sum(judged(4.0, seed, 0.0, 0.5)[0].payload for seed in range(2)) >= 1.0
+
+
+@pytest.mark.parametrize(
+    ("inertia", "taken"), [((0.3, 0.3, 0.3), 1.0), ((0.3, -0.3, 0.3), 0.0), ((0.0, 0.0, 0.0), 1.0)]
+)
+def test_what_no_body_has_is_no_payload(inertia: tuple[float, float, float], taken: float) -> None:
+    """Friction that sticks and slips can look like ten parameters, of an inertia that is negative about some axis."""
+    name, times = "puma560_geared", 0.01 * np.arange(80)
+    model, held = reduced(name), np.zeros(len(arm(name).parameter_names))
+    held[50:60] = [2.0, 0.1, 0.0, 0.0, inertia[0], 0.0, inertia[1], 0.0, 0.0, inertia[2]]
+    point = swinging(arm(name), 3, 0.8)(times)
+    rows = model.torque_regressor(point.p, point.v, point.a)
+    weights = model.torque_regressor(point.p, 0.0 * point.v, 0.0 * point.a)
+    missed = rows @ (model.regrouping @ -held)
+    weights = weights[..., np.abs(weights).max(axis=(0, 1)) > 0.0]
+    assert judged_by(name, rows, weights, missed, 1e-3, 1e4).payload == taken
 
 
 def test_an_announced_payload_is_taken_at_once_and_ends() -> None:

@@ -16,7 +16,7 @@ from adaptctl.control.adaptation.steady_weight import WeightSums
 from adaptctl.control.adaptation.symmetric import rank_update, solve
 from adaptctl.description.inertia import PARAMETERS
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, Scalar, maximum, minimum, where
+from adaptctl.scalars import Column, Scalar, absolute, maximum, minimum, where
 
 WINDOW, MIN_TIME = 1.0, 0.45
 """s: time constant of the sums, and the time they hold at least for a verdict, what 0.6 s of a steady stream leave"""
@@ -24,6 +24,9 @@ MAX_LEFT, MAX_LEFT_RATIO = 0.1, 0.3
 """what a payload may leave of the squared misses, relative to all and to what a contact leaves"""
 MAX_LOSS, SLACK_TIME = 0.95, 0.005
 """share of the last joint's inertia that a payload may take away; s: times the damping, an error that loops stand"""
+INERTIA_ERROR, WHOLE = 0.1, 1e-6
+"""share of its trace by which a payload's inertia may be negative; singular value, relative to the largest, above which
+all ten parameters have an effect"""
 MIN_SPREAD = 1e-12
 """variance of the times, relative to the weight, below which a slope says nothing"""
 
@@ -139,19 +142,28 @@ class PayloadTest:
         times = [n / weight for n, weight in zip(after.n, step.weights, strict=True)]
         full = where(reduce(maximum, times) > MIN_TIME, 1.0, 0.0)
         change = self._change(own)
-        payload = full * where(left < MAX_LEFT * whole, 1.0, 0.0) * self._is_a_body(change, step)
+        payload = full * where(left < MAX_LEFT * whole, 1.0, 0.0) * self._is_a_body(own, change, step)
         better = where(left < MAX_LEFT_RATIO * pushed, 1.0, step.announced)
         contact = full * where(pushed - usual < MAX_LEFT * whole, 1.0, 0.0) * (1.0 - payload * better)
         return LoadVerdict(payload * better, contact, change, PayloadSums(normal, right, after, weight))
 
-    def _is_a_body(self, change: Column, step: JudgedPeriod) -> Scalar:
-        """1 if the last joint keeps a positive inertia, else 0: a load that a push feigns may take away far more."""
+    def _is_a_body(self, own: Column, change: Column, step: JudgedPeriod) -> Scalar:
+        """1 if a body can come or go so, else 0: a load that a push or friction feigns has other inertias.
+
+        The last joint keeps a positive inertia, and the inertia that comes or goes is one about all axes."""
         inertia, joint = last_inertia(self.model)
         if not inertia.any():
             return 1.0
         before, gained = _combined(inertia, step.trusted), _combined(inertia, change)
-        least = -MAX_LOSS * maximum(before, 0.0) - SLACK_TIME * step.damping[joint]
-        return where(gained > least, 1.0, 0.0)
+        slack = SLACK_TIME * step.damping[joint]
+        left = where(gained > -MAX_LOSS * maximum(before, 0.0) - slack, 1.0, 0.0)
+        return left * (_is_an_inertia(own, slack) if self._tells_all else 1.0)
+
+    @property
+    def _tells_all(self) -> bool:
+        """True if each of the ten parameters has an effect of its own, as at arms of five joints and more."""
+        sizes = np.linalg.svd(self._effect / np.maximum(np.abs(self._effect).max(axis=0), 1e-300), compute_uv=False)
+        return bool(sizes[-1] > WHOLE * sizes[0])
 
     def _effects(self, row: Column) -> Column:
         """Torque (10,) of a joint for each parameter of the link."""
@@ -166,6 +178,18 @@ class PayloadTest:
         inverse, effect = Column(1.0 / x for x in self.gain), self._effect
         pairs = ((i, j) for i in range(10) for j in range(i, 10))
         return Column(_combined(effect[:, i] * effect[:, j], inverse) for i, j in pairs)
+
+
+def _is_an_inertia(ten: Column, slack: Scalar) -> Scalar:
+    """1 if the inertia among ten parameters is positive about all axes, or negative about all, but for a slack."""
+    entries = ten.of[4:]
+    trace = entries[0] + entries[2] + entries[5]
+    more = slack + INERTIA_ERROR * absolute(trace)
+    xx, xy, yy, xz, yz, zz = (where(trace < 0.0, -x, x) for x in entries)
+    xx, yy, zz = xx + more, yy + more, zz + more
+    plane = xx * yy - xy * xy
+    whole = zz * plane - xx * (yz * yz) - yy * (xz * xz) + 2.0 * (xy * (yz * xz))
+    return where(minimum(xx, minimum(plane, whole)) > 0.0, 1.0, 0.0)
 
 
 @lru_cache(maxsize=32)
