@@ -114,7 +114,7 @@ def laws_on(model: ReducedModel, pair: ReducedModel) -> dict[str, Controller[Any
         "composite learning": on(pair, CompositeLearning(few, 0.3, 15.0, 1.5, 2.0, 1e-9, 1.0)),
         "concurrent learning": on(model, ConcurrentLearning(gain, 0.3, 15.0, 3, 1e-9)),
         "guarded learning": on(pair, GuardedLearning(few, 0.3, 15.0, 1.5, 2.0)),
-        "touch": on(pair, GuardedLearning(few, 0.3, 15.0, 1.5, 2.0, external_torque=ExternalTorque())),
+        "touch": on(pair, GuardedLearning(few, 0.3, 15.0, 1.5, 2.0, delay=2, external_torque=ExternalTorque())),
         "natural": on(model, Natural(0.2)),
         "lift": on(pair, ConsistentAdaptation(0.2, 0.9 * few_true, 0.3, 15.0)),
         "lift without prediction": on(model, ConsistentAdaptation(0.2, 0.9 * true)),

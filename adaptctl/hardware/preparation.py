@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import checked, real_number
 from adaptctl.control import Sinusoids, SlotineLi
+from adaptctl.control.adaptation.late_torques import MAX_DELAY
 from adaptctl.control.controller import Reference
 from adaptctl.control.gains.gain_design import largest_with_delay
 from adaptctl.dynamics import Mechanism
@@ -95,7 +96,8 @@ def ready_controller(
     tool : array_like, optional
         Ten inertial parameters (10,) in SI units, in the last link's frame, of what the arm holds. Default: nothing.
     delay : int, default 0
-        Delay until a torque acts in control periods. Gains are lower from two on.
+        Delay until a torque acts in control periods. Gains are lower from two on, and what is learned is of torques
+        that had arrived.
 
     Returns
     -------
@@ -109,7 +111,11 @@ def ready_controller(
     np.True_
     """
     controller = adaptive_controller(
-        mechanism, control_period=control_period, reference=reference, sampling_ratio=hold_at(delay)
+        mechanism,
+        control_period=control_period,
+        reference=reference,
+        sampling_ratio=hold_at(delay),
+        delay=min(delay, MAX_DELAY),
     )
     own = parameters_with(controller.model.mechanism, tool)
     return replace(controller, initial=controller.model.regrouping @ own)

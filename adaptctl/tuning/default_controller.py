@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from adaptctl.arrays import whole_number
 from adaptctl.control import GuardedLearning, SlotineLi
+from adaptctl.control.adaptation.late_torques import MAX_DELAY
 from adaptctl.control.controller import Reference
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, validate_kind
@@ -21,6 +23,7 @@ def adaptive_controller(
     reference: Reference | None = None,
     sampling_ratio: float = DEFAULT_SAMPLING_RATIO,
     friction: bool = True,
+    delay: int = 0,
     seed: int = 0,
     anyway: bool = False,
 ) -> SlotineLi:
@@ -40,6 +43,8 @@ def adaptive_controller(
     friction : bool, default True
         True to learn viscous and Coulomb friction of every primary joint: a real one has both, and a model without
         them explains friction by inertia.
+    delay : int, default 0
+        Control periods, 0 to 64, by which torques arrive late: what is learned is then of those that had arrived.
     seed : int, default 0
         Seed of all random choices. Fixed, so that a controller can be repeated.
     anyway : bool, default False
@@ -77,7 +82,15 @@ def adaptive_controller(
         mechanism, control_period=control_period, reference=reference, sampling_ratio=sampling_ratio, seed=seed
     )
     model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism, seed=seed)))
-    return tuning.controller(model, anyway=anyway)
+    return _told_of_delay(tuning.controller(model, anyway=anyway), delay)
+
+
+def _told_of_delay(controller: SlotineLi, delay: int) -> SlotineLi:
+    """Controller whose predictions use torques that are so many periods late; a gradient has none."""
+    whole_number(delay, "delay in control periods", 0, MAX_DELAY)
+    if not delay or not isinstance(controller.adaptation, GuardedLearning):
+        return controller
+    return replace(controller, adaptation=replace(controller.adaptation, delay=delay))
 
 
 def learning_law(model: ReducedModel, tuning: Tuning) -> GuardedLearning:

@@ -13,7 +13,7 @@ import numpy as np
 
 from adaptctl.arrays import Array, positive_number
 from adaptctl.control.adaptation import two_stage_filter
-from adaptctl.control.adaptation.composite import validate_cutoff
+from adaptctl.control.adaptation.composite import residual, validate_cutoff
 from adaptctl.control.adaptation.doubt import MAX_NOISE_RISE, SLACK
 from adaptctl.control.adaptation.law import Period
 from adaptctl.control.adaptation.symmetric import joined
@@ -241,6 +241,22 @@ def beyond(touch: Touch) -> list[Any]:
 def predicted(observer: ExternalTorque, model: ReducedModel, period: Period, touch: Touch) -> FilteredPrediction:
     """Torques and regressor through the observer's filters."""
     return two_stage_filter.predicted(model, period, touch.filtered, observer.cutoff)
+
+
+def felt(
+    observer: ExternalTorque | None,
+    prediction: FilteredPrediction | None,
+    known: tuple[Column, Column, Column, Any],
+    period: Period,
+    min_speed: Sequence[Any],
+    touch: Any,
+) -> Any:
+    """State of an observer, if there is one, by what is known: estimate, forms and weights (r,), and alarm in s."""
+    if observer is None or prediction is None:
+        return touch
+    trusted, form, weights, alarm = known
+    missed = Missed(residual(prediction.rows, trusted, prediction.torque), form, weights, alarm)
+    return judged(observer, prediction, missed, period, min_speed, touch)
 
 
 def judged(

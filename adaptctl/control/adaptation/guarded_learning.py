@@ -10,8 +10,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array, per_joint
-from adaptctl.control.adaptation import external_torque, payload_test, steady_weight, two_stage_filter
+from adaptctl.arrays import Array, frozen_array, per_joint, whole_number
+from adaptctl.control.adaptation import external_torque, late_torques, payload_test, steady_weight, two_stage_filter
 from adaptctl.control.adaptation.composite import residual
 from adaptctl.control.adaptation.doubt import (
     CLEAR,
@@ -24,8 +24,9 @@ from adaptctl.control.adaptation.doubt import (
     named,
     touched,
 )
-from adaptctl.control.adaptation.external_torque import ExternalTorque, Missed, Touch
+from adaptctl.control.adaptation.external_torque import ExternalTorque, Touch
 from adaptctl.control.adaptation.guarded_memory import GuardedMemory
+from adaptctl.control.adaptation.late_torques import MAX_DELAY
 from adaptctl.control.adaptation.law import Period
 from adaptctl.control.adaptation.payload_test import PayloadTest
 from adaptctl.control.adaptation.recall import RecallingLeastSquares
@@ -73,6 +74,8 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         says nothing of the model.
     time_limit : float, default 10.0
         Time in s of an undecided change, after which the trial estimate is taken and the memory cleared.
+    delay : int, default 0
+        Control periods, 0 to 64, by which torques arrive late. The prediction then uses those that had arrived.
     external_torque : ExternalTorque, optional
         Observer of external torques, which raises a doubt within some hundredths of a second. Default: none.
     trial : bool, default True
@@ -120,6 +123,7 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
     recall: float = 10.0
     min_speed: ArrayLike = 0.05
     time_limit: float = 10.0
+    delay: int = 0
     external_torque: ExternalTorque | None = None
     trial: bool = True
 
@@ -130,6 +134,7 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         if not isinstance(self.trial, bool):
             raise InputError(f"{self.called}: trial: expected True or False, got {self.trial!r}")
         self._validate_not_negative({"recall": "1/s", "time_limit": "s"})
+        whole_number(self.delay, f"{self.called}: delay in control periods", 0, MAX_DELAY)
         speeds = np.asarray(self.min_speed, dtype=np.float64)
         if not (np.all(np.isfinite(speeds)) and np.all(speeds >= 0.0)):
             raise InputError(f"{self.called}: min_speed: expected finite speeds of at least 0, got {self.min_speed}")
@@ -192,7 +197,8 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         InputError
             If linear constraints fix parameters of the model at values other than zero.
         """
-        return GuardedMemory.empty(model, initial, (q, v), self.cutoff, control_period, self.external_torque)
+        given = self.cutoff, control_period, self.external_torque, self.delay
+        return GuardedMemory.empty(model, initial, (q, v), *given)
 
     def lyapunov_term(self, model: ReducedModel, estimate: Column, true: Column) -> Scalar:
         """Squared parameter error over twice what acts of the initial gain, J; over P, as in the proof, it is more."""
@@ -221,7 +227,8 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         tuple of Column and GuardedMemory
             Estimate (k,) in SI units and internal state after the period.
         """
-        watch = memory.watch
+        period, sent = late_torques.arrived(period, memory.sent)
+        memory, watch = memory._replace(sent=sent), memory.watch
         prediction = two_stage_filter.predicted(model, period, memory.filtered, self.cutoff)
         sample = self._sample(prediction, period, watch)
         slope = self._scale * period.gradient(period.integral)
@@ -229,7 +236,9 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         observer = self.external_torque
         fast = None if observer is None else external_torque.predicted(observer, model, period, memory.touch)
         stored, step, unsure = self._stepped(memory.stored, sample, period, watch, (x, GRADIENT_SHARE * slope), fast)
-        touch = self._felt(fast, sample, Column(unsure.of[len(sample.rows) :]), period, memory)
+        form, speeds = Column(unsure.of[len(sample.rows) :]), list(each(self.min_speed, len(sample.rows)))
+        felt = watch.trusted, form, sample.weights, watch.alarm[0]
+        touch = external_torque.felt(observer, fast, felt, period, speeds, memory.touch)
         back = returning(watch.doubt, period.period) if self.trial else held(period.period)
         trial = back * (estimate - watch.trusted)
         if self.trial:
@@ -237,18 +246,6 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         after = estimate - either(watch.alarm[0] > 0.0, trial, self._scale * step)
         unsure = Column(unsure.of[: len(sample.rows)])
         return self._decided(model, after, stored, sample, unsure, period, memory, prediction.after, touch)
-
-    def _felt(
-        self, fast: FilteredPrediction | None, sample: TorqueEquations, form: Column, period: Period,
-        memory: GuardedMemory,
-    ) -> Any:  # fmt: skip
-        """State of the observer after the period."""
-        if self.external_torque is None or fast is None:
-            return memory.touch
-        torque = residual(fast.rows, memory.watch.trusted, fast.torque)
-        missed = Missed(torque, form, sample.weights, memory.watch.alarm[0])
-        speeds = list(each(self.min_speed, len(torque)))
-        return external_torque.judged(self.external_torque, fast, missed, period, speeds, memory.touch)
 
     def _sample(self, prediction: two_stage_filter.FilteredPrediction, period: Period, watch: Watch) -> TorqueEquations:
         rows, r = prediction.rows, len(prediction.rows)
@@ -310,7 +307,8 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         states = (age, end.alarm, where(still, watch.announced[0], 0.0), decision)
         doubts = Column(where(still, x, 0.0) for x in doubt)
         watch = Watch(trusted, noise, doubts, sample.moving, *(Column((x,)) for x in states))
-        return after, GuardedMemory(stored, filtered, watch, verdict.after.times(1.0 - verdict.payload), weight, touch)
+        sums = verdict.after.times(1.0 - verdict.payload)
+        return after, GuardedMemory(stored, filtered, watch, sums, weight, touch, memory.sent)
 
     def decision(self, memory: GuardedMemory) -> str:
         """

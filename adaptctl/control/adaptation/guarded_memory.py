@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.control.adaptation import steady_weight, two_stage_filter
+from adaptctl.control.adaptation import late_torques, steady_weight, two_stage_filter
 from adaptctl.control.adaptation.doubt import Watch
 from adaptctl.control.adaptation.external_torque import ExternalTorque
 from adaptctl.control.adaptation.law import NoMemory
@@ -29,6 +29,7 @@ class GuardedMemory(NamedTuple):
     sums: PayloadSums
     weight: FilteredWeight
     touch: Any = NoMemory()
+    sent: Any = NoMemory()
 
     @property
     def logged_state(self) -> Any:
@@ -41,7 +42,7 @@ class GuardedMemory(NamedTuple):
     @classmethod
     def empty(
         cls, model: ReducedModel, initial: Array, at: tuple[Array, Array], cutoff: float, control_period: float,
-        observer: ExternalTorque | None,
+        observer: ExternalTorque | None, delay: int,
     ) -> GuardedMemory:  # fmt: skip
         """Empty memory, and torque filters of zero at positions (..., n) and velocities (..., r)."""
         k, r = len(model.columns), model.mechanism.dof
@@ -53,4 +54,5 @@ class GuardedMemory(NamedTuple):
             PayloadSums.zero(model),
             steady_weight.start(model),
             NoMemory() if observer is None else observer.start(model, *at, control_period),
+            late_torques.start(delay, r),
         )
