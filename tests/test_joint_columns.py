@@ -80,6 +80,13 @@ def test_a_column_is_of_one_joint() -> None:
         joint_columns(mechanism, log_of(mechanism), {"position": "position.j0"}, SI)
 
 
+def test_all_unknown_units_are_told_at_once() -> None:
+    mechanism = arm(REVOLUTE)
+    wrong = SI | {"time": "millis", "torque": "Nmm"}
+    with pytest.raises(InputError, match=r"unit of time: .* got 'millis'; unit of torque: "):
+        joint_columns(mechanism, log_of(mechanism), units=wrong)
+
+
 def test_joints_that_the_robot_has_not_are_told() -> None:
     mechanism, log = arm(REVOLUTE, REVOLUTE), log_of(arm(REVOLUTE, REVOLUTE, REVOLUTE))
     drives = joint_columns(mechanism, log, units=SI)

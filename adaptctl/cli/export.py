@@ -126,7 +126,7 @@ def export(
         raise VerdictError(f"{out}: the compiled code fails its test: {wrong[0].compiler}: {wrong[0].message}")
 
 
-SECONDS_PER_SQUARE = 0.013
+SECONDS_PER_SQUARE = 0.025
 """s of a check over the square of the number of parameters: the learning law's operations are so many"""
 
 

@@ -24,12 +24,23 @@ class Units:
 
     @classmethod
     def checked(cls, time: str, position: str, torque: str, velocity: str | None = None) -> Units:
-        """Units by their symbols; `InputError` for an unknown one."""
+        """Units by their symbols; `InputError` for unknown ones, all in one message."""
+        given = {"time": (time, TIME), "position": (spaced(position), POSITION), "velocity": (velocity, VELOCITY)}
+        if torque not in OTHER_TORQUE:
+            given["torque"] = spaced(torque), TORQUE
+        found, wrong = dict.fromkeys(("time", "position", "torque", "velocity"), 1.0), list[str]()
+        for what, (symbol, known) in given.items():
+            try:
+                found[what] = 1.0 if symbol is None else _factor(what, symbol, known, OTHER_TORQUE * (what == "torque"))
+            except InputError as error:
+                wrong.append(str(error))
+        if wrong:
+            raise InputError("; ".join(wrong))
         return cls(
-            _factor("time", time, TIME),
-            _factor("position", spaced(position), POSITION),
-            None if torque in OTHER_TORQUE else _factor("torque", spaced(torque), TORQUE, OTHER_TORQUE),
-            None if velocity is None else _factor("velocity", velocity, VELOCITY),
+            found["time"],
+            found["position"],
+            None if torque in OTHER_TORQUE else found["torque"],
+            None if velocity is None else found["velocity"],
         )
 
 

@@ -282,7 +282,7 @@ def _checked_units(log: LogTable, units: dict[str, str]) -> Units:
     checked = Units.checked(units["time"], units["position"], units["torque"], units.get("velocity"))
     if checked.torque is None:
         raise InputError(
-            f"{log.source}: torques in {units['torque']} need torque constants; give a drives file with "
-            "torque_constant for every motor, or 'unknown'"
+            f"{log.source}: torques in {units['torque']} need torque constants; give a drives file, which "
+            "--template FILE writes, with torque_constant for every motor, or 'unknown'"
         )
     return checked

@@ -84,7 +84,7 @@ def validate_known(
         flags = _all_flags(log, joints, given, named, symbols, [*absent, *unknown])
         raise InputError(
             f"{log.source}: {'; '.join(problem for problem, _ in found)}; as far as names tell: {flags} "
-            f"{MARKS}, {DRIVES}; columns: {log.listed(MANY)}"
+            f"{MARKS}, {DRIVES}; {_there(log, joints)}"
         )
 
 
@@ -93,9 +93,14 @@ def _absent(name: str, what: str, log: LogTable) -> str:
     return f"no column {name!r} for {what}{f' ({near}?)' if near else ''}"
 
 
+def _there(log: LogTable, joints: list[str]) -> str:
+    """Names of joints and of columns."""
+    return f"joints: {', '.join(joints)}; columns: {log.listed(MANY)}"
+
+
 def _columns_remedy(log: LogTable, joints: list[str], unknown: list[str]) -> str:
     pairs = " ".join(likely_pair(what, joints, log) for what in unknown)
-    return f"specify them with --columns, such as {pairs} {MARKS}, {DRIVES}; columns: {log.listed(MANY)}"
+    return f"specify them with --columns, such as {pairs} {MARKS}, {DRIVES}; {_there(log, joints)}"
 
 
 def _all_flags(
