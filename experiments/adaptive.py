@@ -192,7 +192,8 @@ class AdaptiveTracking(FromFile):
         rule = "from prior ranges by typical inertias and reach, scaled to a normalised adaptation gain of"
         gain = f"{rule} {self.adaptation_ratio:.3g}, mapped"
         yield from chosen_gains(tuning.gains, gain, "adaptation gain: rate × (prior range)²")
-        for name, unit in (("center", "rad (m)"), ("amplitude", "rad (m)"), ("frequency", "Hz")):
+        length = position_unit(mechanism)
+        for name, unit in (("center", length), ("amplitude", length), ("frequency", "Hz")):
             values = getattr(tuning.reference, name)
             yield Setting(f"reference {name}", listed(values.ravel()), f"per joint, {unit}")
         for joint, limit in zip(mechanism.primary_joints, tuning.limited_by, strict=True):

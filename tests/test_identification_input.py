@@ -19,7 +19,7 @@ from adaptctl.cli.main import main
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import FileError, InputError, NotFoundError
 from adaptctl.identifiability import Constraints, constrained
-from adaptctl.identification import read_drives
+from adaptctl.identification import identify, read_drives
 from adaptctl.identification.columns import joint_columns, joint_log
 from adaptctl.identification.entropic import prior_links
 from adaptctl.identification.examples import example
@@ -216,6 +216,13 @@ motors = [{ position = "p", torque = "c" }, { position = "p2", torque = "c2" }]
     (tmp_path / "meant.toml").write_text(text.replace("80", "0").replace('"s"', '"h"').replace('"rad"', '"turn"'))
     with pytest.raises(FileError, match=r"3 errors: .*must turn.*unit of time.*unit of position.*\(line 3\)$"):
         read_drives(tmp_path / "meant.toml")
+
+
+def test_drives_of_other_joints_and_columns_are_told_at_once(files: Path) -> None:
+    text = (files / "drives.toml").read_text()
+    (files / "bad.toml").write_text(text.replace('"joint_6"', '"tool"').replace('"motor_torque_1"', '"tau_1"'))
+    with pytest.raises(InputError, match=r"the drives are for .*tool, but .*no columns 'tau_1'; columns: time,"):
+        identify(files / "log.parquet", files / "tx40.urdf", files / "bad.toml")
 
 
 def test_velocities_that_disagree_tell_wrong_units(files: Path) -> None:

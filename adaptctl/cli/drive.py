@@ -198,6 +198,8 @@ def as_builtins(run: DrivenRun, arm: Mechanism) -> dict[str, Any]:
 
 
 def _report(run: DrivenRun, arm: Mechanism, out: Path) -> Iterator[RenderableType]:
+    from adaptctl.dynamics.joint_units import error_unit
+
     if run.stopped:
         yield words((f"STOPPED: {run.stopped}", "bold red"))
     if run.touches:
@@ -206,7 +208,7 @@ def _report(run: DrivenRun, arm: Mechanism, out: Path) -> Iterator[RenderableTyp
     if run.payload is not None:
         yield words(_carried(run.payload))
     rows = [[name, f"{1e3 * error:.3g}"] for name, error in zip(names, run.final_rms_error, strict=False)]
-    yield titled("RMS error of the last two seconds", WrappedTable(("joint", "mrad or mm"), rows))
+    yield titled("RMS error of the last two seconds", WrappedTable(("joint", error_unit(arm)), rows))
     yield words(
         f"first error {1e3 * run.first_error:.2g} mrad; greatest torque rate {run.peak_torque_rate:.4g} N m/s; "
         f"greatest speed {run.peak_speed_share:.0%} of a limit; {run.times.off} periods off, at most "

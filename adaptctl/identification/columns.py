@@ -43,7 +43,7 @@ class JointLog:
 
 def joint_log(log: LogTable, drives: Drives, sample_rate: float | None = None) -> JointLog:
     """Log of joints from a table of its motors' columns."""
-    _validate_there(log, _used(drives))
+    _validate_there(log, ([] if sample_rate is not None else [drives.time]) + _used(drives))
     log = complete_rows(log, _used(drives), None if sample_rate is not None else drives.time)
     time = _time(log, drives, sample_rate)
     position = [log.column(m.position, f"position of {m.name}") for m in drives.motors]

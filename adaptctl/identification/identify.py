@@ -52,7 +52,7 @@ from adaptctl.identification.springs import (
 from adaptctl.identification.taking import with_instants
 from adaptctl.identification.torque_constants import Completion, completed, is_complete, with_constants
 from adaptctl.identification.uncertainty import combinations, essential_components, uncertainty
-from adaptctl.identification.unknown_columns import unused_joints
+from adaptctl.identification.unknown_columns import unused_joints, validate_drives
 from adaptctl.identification.validation import alternatives, validate_plausible
 from adaptctl.logs.arrow import forget
 from adaptctl.stages import stage
@@ -186,6 +186,7 @@ def identify(
     tables = [[read_log(path, topic) for path in paths] for paths in (given, file_paths(validate))]
     if known is None:
         known = joint_columns(mechanism, tables[0][0], columns, units, sample_rate is None)
+    validate_drives(tables[0][0], known, mechanism)
     unused = unused_joints(tables[0][0], known, mechanism)
     tables[0][0] = replace(tables[0][0], notes=(*tables[0][0].notes, *unused))
     turned = with_unknown_payloads(known.ordered_like(mechanism), given, payloads, payload_mass, payload_after)

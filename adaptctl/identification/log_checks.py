@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from adaptctl.arrays import Array
 from adaptctl.description.joint import Joint
 from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.joint_units import position_unit
 from adaptctl.errors import InputError
 from adaptctl.identification.columns import JointLog
 from adaptctl.identification.convolution import median_of_five
@@ -247,7 +248,9 @@ def _facts(log: JointLog, mechanism: Mechanism) -> Iterator[PreparationStep]:
     names = [joint.name for joint in mechanism.primary_joints]
     quanta = [_quantum(column) for column in each_column(log.position)]
     each = ", ".join(f"{name} {q:.2g}" for name, q in zip(names, quanta, strict=True) if q)
-    yield PreparationStep(f"quanta of positions {of}", f"{each} rad (m)" if each else "below the noise")
+    yield PreparationStep(
+        f"quanta of positions {of}", f"{each} {position_unit(mechanism)}" if each else "below the noise"
+    )
     still = [n for n, column in zip(names, each_column(log.position), strict=True) if np.ptp(column) < LEAST_JUMP]
     yield PreparationStep(f"still joints {of}", ", ".join(still) or "none")
 

@@ -146,6 +146,19 @@ def likely_unit(what: str, names: list[str], log: LogTable) -> str:
     return "deg" if what == "position" and np.abs(values).max() > TURN_AND_HALF else SI[what]
 
 
+def validate_drives(log: LogTable, drives: Drives, mechanism: Mechanism) -> None:
+    """Raise `InputError` where drives fit neither the robot nor the log: both in one line."""
+    given = [name for motor in drives.motors for name in (motor.position, motor.torque)]
+    absent = [name for name in dict.fromkeys(given) if name not in log.columns]
+    try:
+        drives.ordered_like(mechanism)
+    except InputError as error:
+        if not absent:
+            raise
+        told = f"{log.source}: no columns {', '.join(map(repr, absent))}; columns: {log.listed(MANY)}"
+        raise InputError(f"{error}; {told}") from error
+
+
 def unused_joints(log: LogTable, drives: Drives, mechanism: Mechanism) -> list[str]:
     """Words on joints that a log has columns of, and the robot has not; none where columns have no joints' names."""
     motor, joint = drives.motors[0], drives.joints[0]

@@ -160,8 +160,6 @@ def outcome(run: ControllerRun) -> str:
 def facts(comparison: Comparison) -> Iterator[Fact]:
     """Questions that a person asks first, and their answers in words with units."""
     subject, task_error, baseline = comparison.subject, comparison.task_error, comparison.baseline
-    if comparison.complete:
-        yield Fact("Verdict", "passed" if judged(comparison).passed else "failed")
     if task_error is not None:
         yield Fact(task_error.meaning, f"{error(task_error.final_rms(subject), task_error.unit)} in the last 2 s (RMS)")
     whose = "RMS error" if task_error is None else "Joint RMS error"
@@ -174,6 +172,8 @@ def facts(comparison: Comparison) -> Iterator[Fact]:
         fell = baseline.rollout.terminated
         answer = outcome(baseline) if fell else final_error(comparison, baseline)
         yield Fact("… without adaptation", answer, RunRole.BASELINE)
+    if comparison.complete:
+        yield Fact("Verdict", "passed" if judged(comparison).passed else "failed")
     if subject.lyapunov_max_increase is not None:
         yield Fact("Lyapunov function", lyapunov_words(subject.lyapunov_max_increase))
     elif subject.lyapunov is not None and len(subject.lyapunov):
