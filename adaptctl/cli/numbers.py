@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 from typing import get_args
 
-from cyclopts import App, Argument, ArgumentCollection
+from cyclopts import App, Argument, ArgumentCollection, Token
 
 from adaptctl.errors import InputError
 
@@ -26,10 +26,10 @@ def plain_numbers(app: App, commands: tuple[str, ...], arguments: ArgumentCollec
     for argument in arguments:
         kinds = (argument.hint, *get_args(argument.hint))
         for token in argument.tokens if float in kinds and str not in kinds else ():
-            _validate_number(app, argument, token.value)
+            _validate_number(app, argument, token)
         for token in argument.tokens if int in kinds and not {str, float} & set(kinds) else ():
             if not token.value.strip().removeprefix("-").isdecimal():
-                raise InputError(f"{argument.name}: expected a whole number, got {token.value!r}")
+                raise InputError(f"{_whence(token)}{argument.name}: expected a whole number, got {token.value!r}")
 
 
 def none_missing(app: App, commands: tuple[str, ...], arguments: ArgumentCollection) -> None:
@@ -40,18 +40,24 @@ def none_missing(app: App, commands: tuple[str, ...], arguments: ArgumentCollect
         raise InputError(f"{', '.join(missing)} are missing; see {' '.join(('adaptctl', *commands))} --help")
 
 
-def _validate_number(app: App, argument: Argument, text: str) -> None:
+def _whence(token: Token) -> str:
+    """File that a value is from, with a colon; empty for the command line."""
+    return "" if token.source in ("", "cli") else f"{token.source}: "
+
+
+def _validate_number(app: App, argument: Argument, token: Token) -> None:
     """Raise `InputError` for no number, and for a finite one, not 0, too large or small to be reckoned with."""
     from adaptctl.arrays import MAX_SETTING
 
+    name, text = f"{_whence(token)}{argument.name}", token.value
     try:
         size = abs(float(text))
     except ValueError as error:
         told = _instead(text, _unit(app, argument), get_args(argument.hint))
-        raise InputError(f"{argument.name}: {told}") from error
+        raise InputError(f"{name}: {told}") from error
     least, most = 1.0 / MAX_SETTING, MAX_SETTING
     if math.isfinite(size) and size != 0.0 and not least <= size <= most:
-        raise InputError(f"{argument.name}: expected 0 or a number of a size from {least:g} to {most:g}, got {text}")
+        raise InputError(f"{name}: expected 0 or a number of a size from {least:g} to {most:g}, got {text}")
 
 
 def _unit(app: App, argument: Argument) -> str:
