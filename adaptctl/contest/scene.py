@@ -55,7 +55,7 @@ class Scene(NamedTuple):
         return float(sum(value for name, value in named if name.endswith(".m")))
 
     def pushed(self, share: float, joint: int | None = None) -> tuple[float, ...]:
-        """Torques of a share of the limits, of one joint or all."""
+        """Torques (r,) that are a share of the torque limits, of one joint (0 elsewhere) or of all."""
         torques = share * self.tuning.torque_limits
         return tuple(np.where(np.arange(len(torques)) == joint, torques, 0.0) if joint is not None else torques)
 

@@ -39,7 +39,7 @@ def forget(tables: list[Any]) -> None:
 
 def numbers(name: str, column: Any, unit: str = "", first: int | None = None) -> Iterator[LogColumn]:
     """
-    Columns of numbers in one of Arrow: one for each place of a list of fixed length, none for texts.
+    Columns of numbers in an Arrow column: one per place of a fixed-length list, none for texts.
 
     A whole number that was taken off the batch before is taken off this one too.
     """

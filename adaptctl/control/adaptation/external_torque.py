@@ -234,7 +234,7 @@ class ExternalTorque(Tunable):
 
 
 def beyond(touch: Touch) -> list[Any]:
-    """Conditions, one a joint, that are true where the external torque is above its level."""
+    """Conditions, one per joint, that are true where the external torque is above its level."""
     return [absolute(torque) > level for torque, level in zip(touch.torque, touch.level, strict=True)]
 
 
