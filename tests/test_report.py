@@ -93,6 +93,7 @@ def test_a_report_says_passed_and_the_last_error_of_each_joint(folder: Path, sho
     each = joint_errors(shown)
     assert [name for name, *_ in each] == list(shown.joint_names)
     assert answers(facts(shown))["Verdict"] == "passed"
+    assert answers(facts(shown, by_joint=True))["… of each joint"].startswith(f"{each[0][0]} {each[0][2]}, ")
     for _, first, last in each:
         assert re.fullmatch(r"\S+ mrad", last)
         assert first in told

@@ -146,8 +146,8 @@ def _counted(found: Identification) -> str:
     """Number of base parameters, and of which and out of how many."""
     links = int(np.count_nonzero(np.array(found.model.columns) < found.mechanism.num_energy_parameters))
     friction = len(found.names) - links
-    of = f" ({links} of links and rotors, {friction} of friction and springs)" if friction else ""
-    return f"{len(found.names)}{of}, of {len(found.mechanism.parameter_names)} parameters"
+    of = f": {links} of links and rotors, {friction} of friction" if friction else ""
+    return f"{len(found.names)} of {len(found.mechanism.parameter_names)}{of}"
 
 
 def best_hypotheses(found: Identification) -> list[TriedHypothesis]:

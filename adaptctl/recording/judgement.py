@@ -157,8 +157,8 @@ def outcome(run: ControllerRun) -> str:
     return "completed"
 
 
-def facts(comparison: Comparison) -> Iterator[Fact]:
-    """Questions that a person asks first, and their answers in words with units."""
+def facts(comparison: Comparison, by_joint: bool = False) -> Iterator[Fact]:
+    """Questions that a person asks first, and their answers in words with units; of each joint too, for a terminal."""
     subject, task_error, baseline = comparison.subject, comparison.task_error, comparison.baseline
     if task_error is not None:
         yield Fact(task_error.meaning, f"{error(task_error.final_rms(subject), task_error.unit)} in the last 2 s (RMS)")
@@ -166,7 +166,7 @@ def facts(comparison: Comparison) -> Iterator[Fact]:
     yield Fact(f"{whose}, first second", first_error(comparison, subject))
     marked = RunRole.SUBJECT if baseline else RunRole.NOBODY
     yield Fact(f"{whose}, last 2 s", final_error(comparison, subject), marked)
-    if len(comparison.joint_names) > 1:
+    if by_joint and len(comparison.joint_names) > 1:
         yield Fact("… of each joint", ", ".join(f"{name} {last}" for name, _, last in joint_errors(comparison)))
     if baseline:
         fell = baseline.rollout.terminated

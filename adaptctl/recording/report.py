@@ -78,7 +78,7 @@ def shown(comparison: Comparison) -> Result:
     return Result(
         complete=comparison.complete,
         headline=headline(outcome_words(comparison), comparison.complete),
-        facts=tuple(facts(comparison)),
+        facts=tuple(facts(comparison, by_joint=True)),
         verdict=judged(comparison),
         write=lambda folder, progress: write_artifacts(folder, comparison, progress, figures=False),
         figures=lambda folder: write_figures(made_folder(folder), report(comparison).drawings),
