@@ -95,7 +95,7 @@ def compile_by(changed: Callable[[Path], ast.Module | None]) -> None:
 
 def forked(run: Callable[[], int], limit: int) -> int | None:
     """What a function returns that runs silently in a process of its own; None where it takes longer than `limit` s of
-    the processor, or 20 times as long on the clock."""
+    the processor, or four times as long on the clock."""
     process = os.fork()
     if process == 0:
         os.setpgid(0, 0)
@@ -108,7 +108,7 @@ def forked(run: Callable[[], int], limit: int) -> int | None:
             code = int(run())
         finally:
             os._exit(code)
-    end = time.monotonic() + 20 * limit
+    end = time.monotonic() + 4 * limit
     while time.monotonic() < end:
         done, status = os.waitpid(process, os.WNOHANG)
         if done:
