@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from nightly import at_night
-from synthetic_logs import Known, known
+from synthetic_logs import Known, known, motion
 
 from adaptctl.description.drive import Drive, DriveParameter
 from adaptctl.errors import InputError
@@ -19,7 +19,7 @@ from adaptctl.identification.hypotheses import AS_IS, LogMeaning, TriedHypothesi
 from adaptctl.identification.identify import identified
 from adaptctl.identification.listed_hypotheses import SPRING
 from adaptctl.identification.preparation import PreparationStep
-from adaptctl.identification.springs import known_springs, left_out, with_springs, with_untold_springs
+from adaptctl.identification.springs import known_springs, left_out, spring_kinds, with_springs, with_untold_springs
 from adaptctl.identification.uncertainty import uncertainty
 from adaptctl.identification.validation import validate_plausible
 
@@ -104,6 +104,19 @@ def test_a_spring_that_has_most_of_the_torque_is_not_another_robot(case: Known) 
     with pytest.raises(InputError, match="do not explain"):
         validate_plausible(evidence, "log", 8.75)
     validate_plausible(evidence, "log", 8.75, known_springs(case.guess, NAMED))
+
+
+def test_a_joint_of_one_speed_is_not_refused_for_springs_beside_its_friction() -> None:
+    """An offset takes its place, so that the friction itself, which a plain fit tells, may have any sign."""
+    made = known(7, duration=4.0, rate=100.0, noise=0.0)
+    time, p, v, a = motion(3, np.random.default_rng(7), 4.0, 100.0)
+    p[:, 2], v[:, 2], a[:, 2] = 0.3 * time + 3e-4 * np.sin(3.0 * time), 0.3 + 9e-4 * np.cos(3.0 * time), 0.0
+    torque = made.truth.inverse_dynamics(p, v, a)
+    noise = 0.05 * np.sqrt(np.mean(torque**2, axis=0)) * np.random.default_rng(0).normal(size=torque.shape)
+    mechanism = with_springs(made.guess, None)
+    log = replace(made.log, position=p, torque=torque + noise)
+    evidence = gathered(mechanism, made.drives, [log])[0]
+    validate_plausible(evidence, "log", max(evidence.rows), spring_kinds(mechanism))
 
 
 def test_a_spring_that_no_fit_may_have_is_named_where_the_log_is_refused(case: Known) -> None:
