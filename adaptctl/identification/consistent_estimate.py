@@ -29,7 +29,7 @@ for k, (i, j) in enumerate(PAIRS):
     DIRECTIONS[k, i, j] = DIRECTIONS[k, j, i] = 1.0 if i == j else np.sqrt(0.5)
 FROM_DIRECTIONS = np.linalg.inv(np.einsum("aij,kij->ak", DIRECTIONS, UNIT_PSEUDO_INERTIAS))
 EYE, FLAT = np.eye(4), DIRECTIONS.reshape(10, 16)
-# Logarithm of a factor on the prior's links from which on a search begins there, as of logs in another unit.
+# Logarithm of a factor on the prior's links from which on a search may begin there too, as of logs in another unit.
 FAR = np.log(30.0)
 # Steps at most of a search from a start; share of the way to the cone's edge that one takes; power of the predictor's
 # success that sets the next target; and share of the multipliers at the start of those that balance the data there.
@@ -53,24 +53,24 @@ def consistent_estimate(A: Array, b: Array, prior: EntropicPrior, weight: float,
     if not (np.all(np.isfinite(A)) and np.all(np.isfinite(b))):
         raise AdaptctlError("the sums of the rows' squares are not finite; check the units of the columns")
     problem, found = _Problem(A, b, prior, weight), list[_Point]()
-    origin = _near(A, b, prior)
-    searches = [(origin, power, steps) for power, steps in CORRECTORS]
-    first = [] if start is None else [(start, 0.0, MAX_WARM_STEPS)]
-    for begun, power, steps in (*first, *searches):
+    origin = prior.start(len(b))
+    searches = [(x, False, power, steps) for x in (origin, *_multiple(A, b, prior)) for power, steps in CORRECTORS]
+    first = [] if start is None else [(start, True, 0.0, MAX_WARM_STEPS)]
+    for begun, near, power, steps in (*first, *searches):
         with suppress(np.linalg.LinAlgError):
-            point, converged = _searched(problem, problem.start(begun), steps, power)
+            point, converged = _searched(problem, problem.start(begun, near), steps, power)
             found.append(point)
             if converged:
                 return _inside(point.x, prior)
     return _inside(min((point.x for point in found), key=problem.height, default=origin), prior)
 
 
-def _near(A: Array, b: Array, prior: EntropicPrior) -> Array:
-    """Prior's own parameters (P,); where the squares ask for links many times as heavy or light, such a multiple."""
+def _multiple(A: Array, b: Array, prior: EntropicPrior) -> list[Array]:
+    """Parameters (P,) with a multiple of the prior's links, where the squares ask for one that is far from it."""
     x, links = prior.start(len(b)), np.arange(len(b)) < prior.tens.size
     own = np.where(links, x, 0.0)
     times = float(b @ own) / (float(own @ A @ own) or 1.0)
-    return np.where(links, times * x, x) if times > 0.0 and abs(np.log(times)) > FAR else x
+    return [np.where(links, times * x, x)] if times > 0.0 and abs(np.log(times)) > FAR else []
 
 
 def _searched(problem: _Problem, point: _Point, steps: int, power: float) -> tuple[_Point, bool]:
@@ -168,8 +168,8 @@ class _Problem:
         """Factor on the weights: 1, unless the divergence is lost in the squares' round-off."""
         return max(1.0, LEAST_WEIGHT * abs(float(self.b @ x)) / float(self.degrees.sum()))
 
-    def start(self, x: Array) -> _Point:
-        """Point at parameters, those of any sign at their minimum, with multipliers that go with how the data push."""
+    def start(self, x: Array, near: bool = False) -> _Point:
+        """Point at parameters, those of any sign where least, with multipliers of the end or by the data's push."""
         prior, free, c = self.prior, ~self.penalised, len(self.prior.positive)
         x = x.copy()
         if free.any():
@@ -179,7 +179,8 @@ class _Problem:
         roots, own = np.asarray(np.linalg.cholesky(prior.matrices(x)), dtype=np.float64), x[prior.positive]
         slope = self.A @ x - self.b + np.where(free, 0.0, prior.gradient(x, self.weight))
         pushed = np.abs(_map(roots, own, prior.positive, len(x)).T @ slope)
-        times = max(1.0, FIRST_SHARE * float(np.max(pushed[~free] / self.unit[~free], initial=1.0)))
+        far = FIRST_SHARE * float(np.max(pushed[~free] / self.unit[~free], initial=1.0))
+        times = 1.0 if near else max(1.0, far)
         values, sizes = np.sqrt(times * self.weight), np.sqrt(times * POSITIVE_WEIGHT)
         return _Point(x, roots / np.sqrt(values), np.full((len(roots), 4), values), own / sizes, np.full(c, sizes))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,8 @@ from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.least_squares import weighted_least_squares
 from adaptctl.identification.normal_equations import NormalEquations, blocks_of
 
+# Factor of the prior's weight up to which a fit is near another one.
+NEAR = 5.0
 # Rough size of a rotor's inertia over the links' mean moment.
 ROTOR_INERTIA_SHARE = 0.1
 # Mean torque of the file's links over the log's from which on a joint is named, if it is above all of the log's too, as
@@ -62,6 +65,13 @@ class Fit:
     curvature: Array
     settings: FitSettings
     residual: float
+
+
+class _End(NamedTuple):
+    """Parameters (P,) of a fit, and the weight of its prior."""
+
+    x: Array
+    weight: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,16 +168,19 @@ class LogEvidence:
         return np.array([*(c for c in self.basis.columns if mask[c]), *others])
 
     def fit(self, settings: FitSettings, blocks: Sequence[int]) -> Fit:
-        """Consistent fit to some blocks, started where the last one on the same blocks ended."""
+        """Consistent fit to some blocks, started where the last one on the same blocks ended, if not far from it."""
         key = tuple(blocks)
         if (settings, key) not in self._fits:
-            found = self.fitted(self.equations(settings, blocks), settings, self._ends.get(key))
-            self._ends[key] = found.x
+            last = self._ends.get(key, self._ends.get(()))
+            near = last is not None and max(last.weight / settings.weight, settings.weight / last.weight) <= NEAR
+            found = self.fitted(self.equations(settings, blocks), settings, last.x if last and near else None)
+            self._ends[key] = self._ends[()] = _End(found.x, settings.weight)
             self._fits[settings, key] = found
         return self._fits[settings, key]
 
     @cached_property
-    def _ends(self) -> dict[tuple[int, ...], Array]:
+    def _ends(self) -> dict[tuple[int, ...], _End]:
+        """Where the last fit on some blocks ended, and that on any by ()."""
         return {}
 
     @cached_property

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
+from scipy.linalg.lapack import dpocon, dpotrf, dpotrs
 
 from adaptctl.arrays import Array
 from adaptctl.identification.filtered_dynamics import Rows
@@ -16,6 +17,8 @@ from adaptctl.identification.preparation import PreparedLog
 
 # Share of the largest eigenvalue of the scaled normal matrix below which a direction is not determined.
 MIN_EIGENVALUE_RATIO = 1e-10
+# Inverse condition number, as LAPACK estimates it, from which on all directions are determined.
+CLEARLY_DETERMINED = 1e-8
 WEIGHTING_ROUNDS = 3
 
 
@@ -24,11 +27,19 @@ def least_squares(A: Array, b: Array, columns: NDArray[np.int64]) -> Array:
     own, wanted = A[np.ix_(columns, columns)], b[columns]
     size = np.sqrt(np.diag(own))
     size[size == 0.0] = 1.0
-    values, vectors = eigh(own / np.outer(size, size))
-    kept = values > MIN_EIGENVALUE_RATIO * values[-1]
     x = np.zeros(len(b))
-    x[columns] = vectors[:, kept] @ ((vectors[:, kept].T @ (wanted / size)) / values[kept]) / size
+    x[columns] = _solution(own / np.outer(size, size), wanted / size) / size
     return x
+
+
+def _solution(scaled: Array, wanted: Array) -> Array:
+    """Solution (c,) of scaled normal equations without directions that are not determined, which most have not."""
+    factor, failed = dpotrf(scaled, lower=True)
+    if not failed and dpocon(factor, np.abs(scaled).sum(axis=0).max(initial=0.0), uplo="L")[0] > CLEARLY_DETERMINED:
+        return np.asarray(dpotrs(factor, wanted, lower=True)[0])
+    values, vectors = eigh(scaled)
+    kept = values > MIN_EIGENVALUE_RATIO * values[-1]
+    return np.asarray(vectors[:, kept] @ ((vectors[:, kept].T @ wanted) / values[kept]))
 
 
 def weighted_least_squares(equations: NormalEquations, columns: NDArray[np.int64]) -> tuple[Array, Array]:
