@@ -16,12 +16,14 @@ from nightly import at_night
 
 from adaptctl.contest.entries import LONGEST_REASON, ContestEntry, _laws
 from adaptctl.contest.known import Knowledge
-from adaptctl.contest.laws import Entrant
+from adaptctl.contest.laws import Entrant, _computed_torque
 from adaptctl.contest.measures import COLUMNS
 from adaptctl.contest.own_process import rows_alone
 from adaptctl.contest.running import rows_as_table, rows_of_table
 from adaptctl.contest.step_times import NAMES, STEPS, times_of
 from adaptctl.contest.trial import TimeExceededError
+from adaptctl.control.controller import ReferencePoint
+from adaptctl.dynamics import load
 from adaptctl.errors import InputError
 
 
@@ -123,3 +125,15 @@ def test_tables_of_rows_have_null_for_what_is_not_known() -> None:
     assert [row["law"] for row in back] == ["gradient", "pd"]
     assert np.isnan([back[1]["error"], back[0]["return_time"]]).all()
     assert back[0]["error"] == 2.0
+
+
+def test_computed_torque_is_critically_damped() -> None:
+    arm = load("two_link")
+    known: Any = SimpleNamespace(mechanism=arm, bandwidth=5.0, parameters=arm.inertial_parameters)
+    law, rest = _computed_torque(known), np.zeros(2)
+    stretched, _ = law.step(law.init(rest, rest), rest + 0.1, rest, ReferencePoint(rest, rest, rest))
+    moving, _ = law.step(law.init(rest, rest), rest + 0.1, rest - 0.25, ReferencePoint(rest, rest, rest))
+    M, bias = arm.mass_matrix(rest + 0.1), arm.inverse_dynamics(rest + 0.1, rest, rest)
+    assert stretched == pytest.approx(bias - M @ np.full(2, 5.0**2 * 0.1))
+    coriolis = arm.inverse_dynamics(rest + 0.1, rest - 0.25, rest) - bias
+    assert moving == pytest.approx(bias + coriolis)  # 2 w e' makes up for w^2 e at e' = -w e/2

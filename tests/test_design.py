@@ -126,6 +126,11 @@ def test_bodies_are_real(body: object) -> None:
     assert is_physically_consistent(found.parameters[20:30])
 
 
+def test_solids_are_at_the_origin_unless_placed() -> None:
+    for body in (point(2.0), sphere(2.0), box(2.0, (0.1, 0.2, 0.3)), cylinder(2.0, 0.1, 0.3)):
+        np.testing.assert_array_equal(np.asarray(body.center), np.zeros(3))
+
+
 def test_solids_have_their_moments() -> None:
     """A cylinder about x by sums over points, and balls' slopes by differences."""
     rng = np.random.default_rng(0)

@@ -90,6 +90,11 @@ def test_joints_of_loops_are_locked_together() -> None:
     )
     with pytest.raises(InputError, match=r"lock: joints? .* in a loop with .*; lock these too"):
         whole.locked({names[1]: float(p[1])})
+    passive = next(name for name in whole.description.joint_names if name not in names)
+    with pytest.raises(
+        InputError, match=f"lock: joint '{passive}' depends on others by a loop; lock those: {names[0]}"
+    ):
+        whole.locked({passive: 0.0})
     rest = whole.locked(dict(zip(names[1:], p[1:].tolist(), strict=True)))
     assert (rest.dof, rest.description.loops) == (1, None)
     torque = whole.inverse_dynamics(p, [0.5, *np.zeros(len(p) - 1)], [1.0, *np.zeros(len(p) - 1)])[0]

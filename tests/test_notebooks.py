@@ -28,7 +28,10 @@ def arm() -> Mechanism:
 def test_mechanisms_spaces_and_bases_are_tables(arm: Mechanism) -> None:
     space = adaptctl.essential_space(arm)
     basis = adaptctl.fundamental_basis(space)
-    assert "2 links, 2 degrees of freedom, 20 parameters" in parsed(arm)
+    shown = " ".join(parsed(arm).split())
+    assert "2 links, 2 degrees of freedom, 20 parameters" in shown
+    assert "upper ground shoulder" in shown
+    assert "lower upper elbow" in shown
     assert f"rank {space.rank} of {len(arm.parameter_names)} parameters of two_link" in parsed(space)
     assert f"{space.certificate.gap:.4g}" in parsed(space)
     for name in basis.names:
