@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.control import GuardedLearning
+from adaptctl.control import GuardedLearning, mapped_gain
 from adaptctl.control.controller import Reference
 from adaptctl.control.excitation.torque_uncertainty import TORQUE_ERROR_SHARE
 from adaptctl.dynamics import Mechanism
-from adaptctl.tuning.default_gains import HORIZON
+from adaptctl.identifiability import ReducedModel
+from adaptctl.tuning.default_gains import HORIZON, prior_ranges
 from adaptctl.tuning.feasible_reference import coulomb_friction
 
 FRICTION_ERROR_SHARE = 0.01
@@ -20,8 +23,23 @@ MIN_SPEED, MIN_SPEED_SHARE = 0.05, 0.15
 """rad/s (m/s), and share of the reference's greatest speed, below which friction at rest is met"""
 SPEED_SAMPLES = 400
 """times at which the reference's speeds are read"""
+PRIOR_RANGES = 10.0
+"""prior ranges of every parameter beyond which no estimate is plausible; on the way ordinary ones exceed three"""
 MAX_LEARNED = 100
 """parameters up to which learning is the default; its time grows as their square, its compilation to minutes"""
+
+
+def bounded_learning(
+    model: ReducedModel,
+    gain: Array,
+    torque_limits: Array,
+    damping: Array,
+    control_period: float,
+    reference: Reference,
+) -> GuardedLearning:
+    """Learning law of `learning_by_rule` for a model, which starts anew from an estimate that is not plausible."""
+    law = learning_by_rule(model.mechanism, gain, torque_limits, damping, control_period, reference)
+    return replace(law, bound=farthest(model, np.diag(gain)))
 
 
 def learning_by_rule(
@@ -38,6 +56,12 @@ def learning_by_rule(
     recall, cutoff = (min(x, 0.5 / control_period) for x in (GuardedLearning.recall, GuardedLearning.cutoff))
     sigma = np.maximum(torque_error(torque_limits, damping), FRICTION_ERROR_SHARE * coulomb_friction(mechanism))
     return GuardedLearning(np.diag(gain), 1.0 / sigma**2, cutoff=cutoff, recall=recall, min_speed=least)
+
+
+def farthest(model: ReducedModel, gain: Array) -> float:
+    """Distance, in units of a gain (k,), from zero to a corner of the box of ten prior ranges."""
+    squared = np.diag(mapped_gain(model, prior_ranges(model.mechanism) ** 2))
+    return PRIOR_RANGES * float(np.sqrt((squared / gain).sum()))
 
 
 def torque_error(limits: Array, damping: Array) -> Array:

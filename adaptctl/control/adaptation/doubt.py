@@ -6,12 +6,14 @@ from collections.abc import Sequence
 from functools import reduce
 from typing import Any, NamedTuple
 
+from adaptctl.control.adaptation.composite import residual
 from adaptctl.control.adaptation.law import Period
-from adaptctl.scalars import Column, maximum, minimum, where
+from adaptctl.control.adaptation.two_stage_filter import FilteredPrediction
+from adaptctl.scalars import Column, absolute, maximum, minimum, where
 from adaptctl.scalars.scalar import Condition
 
-MODEL, UNKNOWN, PAYLOAD, CONTACT = 0.0, 1.0, 2.0, 3.0
-"""Decisions on what the missed torques are: nothing new, not known yet, a changed load, a push."""
+MODEL, UNKNOWN, PAYLOAD, CONTACT, RESTARTED = 0.0, 1.0, 2.0, 3.0, 4.0
+"""What missed torques are taken for: nothing new, not known yet, a changed load, a push, or a memory begun anew."""
 THRESHOLD = 3.5
 """standard deviations of a missed torque that is no noise"""
 SLACK = 10.0
@@ -49,6 +51,19 @@ class TorqueEquations(NamedTuple):
     weights: Column
     counts: Column
     moving: Column
+
+
+def equations(
+    prediction: FilteredPrediction, period: Period, watch: Watch, scale: Column, weights: Column,
+    least: tuple[Column, Any],
+) -> TorqueEquations:  # fmt: skip
+    """Equations of a period, which count above the least speeds (r,) once a joint has moved for some time in s."""
+    rows, (speeds, settling) = prediction.rows, least
+    slow = (absolute(v) < most for v, most in zip(prediction.speed, speeds, strict=True))
+    moving = Column(where(still, 0.0, m + period.period) for still, m in zip(slow, watch.moving, strict=True))
+    counts = Column(where(m > settling, period.dt_ratio, 0.0) for m in moving)
+    missed = residual(rows, watch.trusted, prediction.torque)
+    return TorqueEquations(rows, [scale * row for row in rows], prediction.torque, missed, weights, counts, moving)
 
 
 def doubted(sample: TorqueEquations, unsure: Column, period: Period, watch: Watch) -> tuple[Column, Column, Any]:
@@ -100,4 +115,5 @@ def ended(watch: Watch, doubt: Column, payload: Any, time_limit: Any, period: fl
 
 def named(payload: Any, contact: Any, before: Any) -> Any:
     """Decision while an alarm lasts: what was said stays said until something else is."""
-    return where(payload > 0.5, PAYLOAD, where(contact > 0.5, CONTACT, maximum(before, UNKNOWN)))
+    said = where(before > CONTACT, UNKNOWN, maximum(before, UNKNOWN))
+    return where(payload > 0.5, PAYLOAD, where(contact > 0.5, CONTACT, said))

@@ -11,8 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array, per_joint, whole_number
-from adaptctl.control.adaptation import external_torque, late_torques, payload_test, steady_weight, two_stage_filter
-from adaptctl.control.adaptation.composite import residual
+from adaptctl.control.adaptation import (
+    external_torque,
+    late_torques,
+    payload_test,
+    restart,
+    steady_weight,
+    two_stage_filter,
+)
 from adaptctl.control.adaptation.doubt import (
     CLEAR,
     MODEL,
@@ -21,6 +27,7 @@ from adaptctl.control.adaptation.doubt import (
     Watch,
     doubted,
     ended,
+    equations,
     named,
     touched,
 )
@@ -30,14 +37,14 @@ from adaptctl.control.adaptation.late_torques import MAX_DELAY
 from adaptctl.control.adaptation.law import Period
 from adaptctl.control.adaptation.payload_test import PayloadTest
 from adaptctl.control.adaptation.recall import RecallingLeastSquares
-from adaptctl.control.adaptation.recalled_step import Flow, recalled_step
-from adaptctl.control.adaptation.stored import QUARANTINE, Stored
+from adaptctl.control.adaptation.recalled_step import recalled_step
+from adaptctl.control.adaptation.stored import Stored
 from adaptctl.control.adaptation.trial_estimate import held, returning, trial_share
 from adaptctl.control.adaptation.two_stage_filter import FilteredPrediction, FilteredTwice
 from adaptctl.control.pytree import either
 from adaptctl.errors import InputError, validate_kind
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, Scalar, Tunable, absolute, column, each, maximum, where
+from adaptctl.scalars import Column, Scalar, Tunable, column, each, maximum, where
 
 GRADIENT_SHARE = 0.6
 """share of P with which tracking errors act: with all of it differences of coarse encoders make light arms diverge,
@@ -74,6 +81,9 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         says nothing of the model.
     time_limit : float, default 10.0
         Time in s of an undecided change, after which the trial estimate is taken and the memory cleared.
+    bound : float, default infinity
+        Distance of the estimate from the initial one, in units of the gain's roots times 1 J^(1/2), beyond which the
+        memory starts anew from there. `learning_law` chooses it.
     delay : int, default 0
         Control periods, 0 to 64, by which torques arrive late. The prediction then uses those that had arrived.
     external_torque : ExternalTorque, optional
@@ -113,7 +123,7 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
     'model'
     """
 
-    tunable = ("gain", "prediction_weight", "cutoff", "forgetting", "recall", "min_speed", "time_limit")
+    tunable = ("gain", "prediction_weight", "cutoff", "forgetting", "recall", "min_speed", "time_limit", "bound")
     needs_double = True
 
     called: ClassVar[str] = "guarded learning"
@@ -123,6 +133,7 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
     recall: float = 10.0
     min_speed: ArrayLike = 0.05
     time_limit: float = 10.0
+    bound: float = float("inf")
     delay: int = 0
     external_torque: ExternalTorque | None = None
     trial: bool = True
@@ -134,6 +145,8 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         if not isinstance(self.trial, bool):
             raise InputError(f"{self.called}: trial: expected True or False, got {self.trial!r}")
         self._validate_not_negative({"recall": "1/s", "time_limit": "s"})
+        if not self.bound > 0.0:
+            raise InputError(f"{self.called}: bound: expected a positive number, got {self.bound}")
         whole_number(self.delay, f"{self.called}: delay in control periods", 0, MAX_DELAY)
         speeds = np.asarray(self.min_speed, dtype=np.float64)
         if not (np.all(np.isfinite(speeds)) and np.all(speeds >= 0.0)):
@@ -230,39 +243,33 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         period, sent = late_torques.arrived(period, memory.sent)
         memory, watch = memory._replace(sent=sent), memory.watch
         prediction = two_stage_filter.predicted(model, period, memory.filtered, self.cutoff)
-        sample = self._sample(prediction, period, watch)
+        r, scale = len(prediction.rows), self._scale
+        speeds, weights = each(self.min_speed, r), each(self.prediction_weight, r)
+        sample = equations(prediction, period, watch, scale, weights, (speeds, SETTLING / self.cutoff))
         slope = self._scale * period.gradient(period.integral)
         x = Column(value / scale for value, scale in zip(estimate, self._scale, strict=True))
         observer = self.external_torque
         fast = None if observer is None else external_torque.predicted(observer, model, period, memory.touch)
         stored, step, unsure = self._stepped(memory.stored, sample, period, watch, (x, GRADIENT_SHARE * slope), fast)
-        form, speeds = Column(unsure.of[len(sample.rows) :]), list(each(self.min_speed, len(sample.rows)))
-        felt = watch.trusted, form, sample.weights, watch.alarm[0]
-        touch = external_torque.felt(observer, fast, felt, period, speeds, memory.touch)
+        felt = watch.trusted, Column(unsure.of[r:]), weights, watch.alarm[0]
+        touch = external_torque.felt(observer, fast, felt, period, list(speeds), memory.touch)
         back = returning(watch.doubt, period.period) if self.trial else held(period.period)
         trial = back * (estimate - watch.trusted)
         if self.trial:
             trial = (trial_share(sample, watch) * self._scale) * slope + trial
         after = estimate - either(watch.alarm[0] > 0.0, trial, self._scale * step)
         unsure = Column(unsure.of[: len(sample.rows)])
-        return self._decided(model, after, stored, sample, unsure, period, memory, prediction.after, touch)
-
-    def _sample(self, prediction: two_stage_filter.FilteredPrediction, period: Period, watch: Watch) -> TorqueEquations:
-        rows, r = prediction.rows, len(prediction.rows)
-        slow = (absolute(v) < least for v, least in zip(prediction.speed, each(self.min_speed, r), strict=True))
-        moving = Column(where(still, 0.0, m + period.period) for still, m in zip(slow, watch.moving, strict=True))
-        counts = Column(where(m > SETTLING / self.cutoff, period.dt_ratio, 0.0) for m in moving)
-        missed = residual(rows, watch.trusted, prediction.torque)
-        units = [self._scale * row for row in rows]
-        return TorqueEquations(rows, units, prediction.torque, missed, each(self.prediction_weight, r), counts, moving)
+        found = self._decided(model, after, stored, sample, unsure, period, memory, prediction.after, touch)
+        return restart.bounded(self.bound, self._scale, *found, watch.decision[0])
 
     def _stepped(
         self, stored: Stored, sample: TorqueEquations, period: Period, watch: Watch, given: tuple[Column, Column],
         fast: FilteredPrediction | None,
     ) -> tuple[Stored, Column, Column]:  # fmt: skip
         """Memory with what leaves quarantine, the step at an estimate along a slope, and what is unsure (r or 2 r,)."""
-        flow, (x, slope) = self._flow(stored, sample, period, watch), given
-        shares = where(watch.alarm[0] > 0.0, 0.0, period.dt) * (sample.counts * sample.weights)
+        alarmed, (x, slope) = watch.alarm[0] > 0.0, given
+        flow = stored.flow(period, alarmed, reduce(maximum, sample.counts), (self.forgetting, self.recall))
+        shares = where(alarmed, 0.0, period.dt) * (sample.counts * sample.weights)
         # The step recalls what was kept, and takes what is new at once: then V does not rise (docs/adaptation.md).
         kept, new = flow.keep * stored.known, flow.leave * stored.pending_known
         right = slope - flow.recall * kept - new
@@ -273,13 +280,6 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
             pending = pending + (share * torque) * unit
         after = Stored(found.information, kept + new, found.pending, pending, stored.valid)
         return after, found.step, found.unsure
-
-    def _flow(self, stored: Stored, sample: TorqueEquations, period: Period, watch: Watch) -> Flow:
-        """Shares that a period keeps, takes and recalls of what is valid."""
-        quiet, stay = where(watch.alarm[0] > 0.0, 0.0, 1.0), 1.0 / (1.0 + period.period / QUARANTINE)
-        keep = 1.0 / (1.0 + (self.forgetting * period.dt) * (quiet * reduce(maximum, sample.counts)))
-        old, pending = stored.valid
-        return Flow(old * keep, pending * (quiet * (1.0 - stay)), pending * stay, quiet * (self.recall * period.dt))
 
     def _decided(
         self, model: ReducedModel, after: Column, stored: Stored, sample: TorqueEquations, unsure: Column,
@@ -308,7 +308,7 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         doubts = Column(where(still, x, 0.0) for x in doubt)
         watch = Watch(trusted, noise, doubts, sample.moving, *(Column((x,)) for x in states))
         sums = verdict.after.times(1.0 - verdict.payload)
-        return after, GuardedMemory(stored, filtered, watch, sums, weight, touch, memory.sent)
+        return after, GuardedMemory(stored, filtered, watch, sums, weight, touch, memory.sent, memory.prior)
 
     def decision(self, memory: GuardedMemory) -> str:
         """
@@ -323,7 +323,8 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         -------
         str
             "model" if it learns, "unknown" if it does not know yet, "payload" after a changed load until the misses
-            end, "contact" while torques are missed that a constant push explains and a payload does not.
+            end, "contact" while torques are missed that a constant push explains and a payload does not, "restarted"
+            for 2 s of motion after the estimate was beyond its bound.
 
         Raises
         ------
@@ -336,7 +337,7 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         >>> learning.decision(adaptctl.SlotineLi(model, 5.0, 4.0, learning).init(p, v).law_state)
         'model'
         """
-        return ("model", "unknown", "payload", "contact")[int(np.asarray(memory.watch.decision).item())]
+        return ("model", "unknown", "payload", "contact", "restarted")[int(np.asarray(memory.watch.decision).item())]
 
     def expect_payload(self, memory: GuardedMemory) -> GuardedMemory:
         """

@@ -30,10 +30,11 @@ class GuardedMemory(NamedTuple):
     weight: FilteredWeight
     touch: Any = NoMemory()
     sent: Any = NoMemory()
+    prior: Any = NoMemory()
 
     @property
     def logged_state(self) -> Any:
-        """Decision (1,): 0 model, 1 unknown, 2 payload, 3 contact; then external torques (r,) and levels (r,)."""
+        """Decision (1,): 0 model, 1 unknown, 2 payload, 3 contact, 4 restarted; external torques and levels (r,)."""
         parts = (self.watch.decision, *self.touch[:2])
         if isinstance(parts[0], Column):
             return joined(parts)
@@ -55,4 +56,5 @@ class GuardedMemory(NamedTuple):
             steady_weight.start(model),
             NoMemory() if observer is None else observer.start(model, *at, control_period),
             late_torques.start(delay, r),
+            np.array(initial),
         )

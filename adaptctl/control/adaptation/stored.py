@@ -5,7 +5,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from adaptctl.arrays import Array
-from adaptctl.scalars import Column, Scalar
+from adaptctl.control.adaptation.law import Period
+from adaptctl.control.adaptation.recalled_step import Flow
+from adaptctl.scalars import Column, Scalar, where
+from adaptctl.scalars.scalar import Condition
 
 QUARANTINE = 0.3
 """s, mean time from a sample to the memory, so that a contact that is detected is forgotten"""
@@ -28,6 +31,13 @@ class Stored(NamedTuple):
     def cleared(self, kept: Scalar, pending: Scalar) -> Stored:
         """The same times factors of the memory and of quarantine."""
         return self._replace(valid=Column((kept, pending)))
+
+    def flow(self, period: Period, alarmed: Condition, counts: Scalar, rates: tuple[Any, Any]) -> Flow:
+        """Shares that a period keeps, takes and recalls of what is valid, at rates of forgetting and recall in 1/s."""
+        quiet, stay, (forgetting, recall) = where(alarmed, 0.0, 1.0), 1.0 / (1.0 + period.period / QUARANTINE), rates
+        keep = 1.0 / (1.0 + (forgetting * period.dt) * (quiet * counts))
+        old, pending = self.valid
+        return Flow(old * keep, pending * (quiet * (1.0 - stay)), pending * stay, quiet * (recall * period.dt))
 
     @property
     def remembered(self) -> Array:
