@@ -43,6 +43,8 @@ def test_a_recursion_is_a_filter_s() -> None:
     near(convolution.recursed(coefficients, values), lfilter([1.0], [1.0, *-coefficients], values, axis=0))
 
 
-def test_a_median_is_that_of_five() -> None:
+@pytest.mark.parametrize("at_once", [3, 7, 499, 500, 1000])
+def test_a_median_is_that_of_five(at_once: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(convolution, "NUMBERS_AT_ONCE", at_once)
     column = np.round(RNG.normal(size=500), 1)
     assert np.array_equal(convolution.median_of_five(column), median_filter(column, 5, mode="nearest"))

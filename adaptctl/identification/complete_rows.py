@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.errors import FileError
+from adaptctl.logs.on_disk import one_by_one
 from adaptctl.logs.table import LogTable
 
 # Periods of a column over which a straight line joins its numbers.
@@ -86,7 +87,8 @@ def _lines(stamps: Array, values: Array, given: NDArray[np.bool_]) -> tuple[Arra
 
 def _without_ends(log: LogTable, names: Sequence[str]) -> LogTable:
     """Table without rows at its ends that have no number, as before a publisher's first message."""
-    good = reduce(np.logical_and, (np.isfinite(log.columns[name]) for name in names), np.ones(len(log), dtype=bool))
+    columns = one_by_one(log.columns[name] for name in names)
+    good = reduce(np.logical_and, map(np.isfinite, columns), np.ones(len(log), dtype=bool))
     if good.all() or not good.any():
         return log
     first, last = int(good.argmax()), len(good) - int(good[::-1].argmax())
@@ -100,7 +102,7 @@ def _without_ends(log: LogTable, names: Sequence[str]) -> LogTable:
 def _without_repeated(log: LogTable, names: Sequence[str], time: str) -> LogTable:
     """Table in which rows that are equal in stamp and values are there once."""
     again = np.ones(len(log), dtype=np.bool_)
-    for column in map(log.columns.__getitem__, (time, *names)):
+    for column in one_by_one(log.columns[name] for name in (time, *names)):
         again[1:] &= column[1:] == column[:-1]
     again[:1] = False
     return log.rows(~again, f"{int(again.sum())} rows that repeat the one before were left out")

@@ -11,8 +11,8 @@ from adaptctl.arrays import Array
 
 # Parameter of Kaiser's window, and numbers that a transform has at least, over the kernel's length.
 KAISER, TRANSFORMED = 5.0, 8
-# Segments of a spectrum that are in memory at a time.
-SEGMENTS_AT_ONCE = 16
+# Segments of a spectrum and numbers of a median that are in memory at a time.
+SEGMENTS_AT_ONCE, NUMBERS_AT_ONCE = 16, 2**16
 
 
 def windowed_sinc(taps: int, cutoff: float, rate: float) -> Array:
@@ -63,8 +63,16 @@ def recursed(coefficients: Array, values: Array) -> Array:
 
 def median_of_five(column: Array) -> Array:
     """Medians (n,) of each number of a column and the two on either side, the ends repeated."""
-    a, b, middle, c, d = sliding_window_view(np.pad(column, 2, mode="edge"), 5).T
-    low, high = np.maximum(np.minimum(a, b), np.minimum(c, d)), np.maximum(a, b)
-    np.minimum(high, np.maximum(c, d), out=high)
-    lower, upper = np.minimum(low, high), np.maximum(low, high, out=high)
-    return np.asarray(np.maximum(lower, np.minimum(middle, upper, out=upper), out=upper))
+    found = np.empty(len(column))
+    for start in range(0, len(column), NUMBERS_AT_ONCE):
+        first, last = max(start - 2, 0), min(start + NUMBERS_AT_ONCE + 2, len(column))
+        around = (2 - start + first, 2 - max(last - start - NUMBERS_AT_ONCE, 0))
+        part = np.pad(column[first:last], around, mode="edge")
+        found[start : start + NUMBERS_AT_ONCE] = _medians(*sliding_window_view(part, 5).T)
+    return found
+
+
+def _medians(a: Array, b: Array, middle: Array, c: Array, d: Array) -> Array:
+    low = np.maximum(np.minimum(a, b), np.minimum(c, d))
+    high = np.minimum(np.maximum(a, b), np.maximum(c, d))
+    return np.asarray(np.maximum(np.minimum(low, high), np.minimum(middle, np.maximum(low, high))))

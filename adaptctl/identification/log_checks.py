@@ -18,7 +18,7 @@ from adaptctl.errors import InputError
 from adaptctl.identification.columns import JointLog
 from adaptctl.identification.convolution import median_of_five
 from adaptctl.identification.preparation import MIN_GAP_PERIODS, PreparationStep, unwrapped, whole_ends
-from adaptctl.logs.on_disk import each_column, of_columns, release
+from adaptctl.logs.on_disk import each_column, of_columns, one_by_one, release
 from adaptctl.stages import stage
 
 # Step over the 99th percentile of a column's steps, and in rad (m), from where on no joint does it; samples after which
@@ -44,13 +44,15 @@ def checked_log(log: JointLog, mechanism: Mechanism) -> tuple[JointLog, list[Pre
     position, torque = list(log.position.T), list(log.torque.T)
     velocity = None if log.velocity is None else list(log.velocity.T)
     filled: list[list[str]] = []
-    periods = np.maximum(np.diff(log.time) / np.median(np.diff(log.time)), 1.0)
+    periods = np.diff(log.time)
+    periods = np.maximum(periods / np.median(periods), 1.0)
     for j, joint in enumerate(joints):
         wrong, whole = _impossible(unwrapped(position[j]) if turns[j] else position[j], periods)
         if wrong.any():
             position[j] = np.where(wrong, _filled(log.time, whole, wrong), position[j])
             if velocity is not None:
                 velocity[j] = _filled(log.time, velocity[j], wrong)
+        release()
         spiked = _spiked(torque[j])
         torque[j] = _filled(log.time, torque[j], spiked)
         release()
@@ -98,13 +100,13 @@ def still_joints(logs: Sequence[JointLog], mechanism: Mechanism) -> list[str]:
 
 def dead_joints(logs: Sequence[JointLog], mechanism: Mechanism) -> list[str]:
     """Names of the joints that move while their torques are dead, in any log."""
-    dead = np.any([_dead(each_column(log.position), each_column(log.torque)) for log in logs], axis=0)
+    dead = np.any([_dead(log.position.T, log.torque.T) for log in logs], axis=0)
     return [joint.name for joint, own in zip(mechanism.primary_joints, dead, strict=True) if own]
 
 
 def _dead(position: Iterable[Array], torque: Iterable[Array]) -> NDArray[np.bool_]:
     """Mask (r,) of the joints that move while their torques hardly change."""
-    widths, ranges = (np.array([np.ptp(own) for own in columns]) for columns in (position, torque))
+    widths, ranges = (np.array([np.ptp(own) for own in one_by_one(columns)]) for columns in (position, torque))
     return np.asarray((widths > LEAST_JUMP) & (ranges < DEAD_SHARE * ranges.max()))
 
 
@@ -126,7 +128,9 @@ def _filled_words(log: JointLog, joint: Joint, what: str, wrong: NDArray[np.bool
 
 def _impossible(values: Array, periods: Array | float = 1.0) -> tuple[NDArray[np.bool_], Array]:
     """Mask (n,) of the short runs that a column jumps to and back from, and the column; steps are those of a period."""
-    steps = np.abs(np.diff(values)) / periods
+    steps = np.diff(values)
+    np.abs(steps, out=steps)
+    steps /= periods
     most = max(JUMP_RATIO * float(np.percentile(steps, 99.0)), LEAST_JUMP)
     jumps, wrong = np.flatnonzero(steps > most) + 1, np.zeros(len(values), dtype=np.bool_)
     for start in jumps.tolist():
@@ -149,7 +153,8 @@ def _filled(time: Array, values: Array, wrong: NDArray[np.bool_]) -> Array:
 
 def _spiked(torque: Array) -> NDArray[np.bool_]:
     """Mask (n,) of single torques that are far from those around them."""
-    off = np.abs(torque - median_of_five(torque))
+    off = torque - median_of_five(torque)
+    np.abs(off, out=off)
     low, high = np.percentile(torque, [1.0, 99.0])
     return np.asarray(off > max(SPIKE_SHARE * (high - low), SPIKE_RATIO * float(np.median(off)), 1e-12))
 

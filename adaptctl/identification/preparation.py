@@ -220,7 +220,8 @@ def _unwrapped(log: JointLog, mechanism: Mechanism) -> tuple[JointLog, int]:
 
 def unwrapped(angles: Array) -> Array:
     """Angles (n,) without jumps by full turns; the same array where no step is of more than half a turn."""
-    return np.unwrap(angles) if np.abs(np.diff(angles)).max(initial=0.0) > np.pi else angles
+    steps = np.diff(angles)
+    return np.unwrap(angles) if max(steps.max(initial=0.0), -steps.min(initial=0.0)) > np.pi else angles
 
 
 def _ends(values: Array) -> Array:

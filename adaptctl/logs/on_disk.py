@@ -76,7 +76,12 @@ def release() -> None:
 
 def each_column(values: Array) -> Iterator[Array]:
     """Columns (n,) of an array (n, k), one after the other."""
-    for column in values.T:
+    return one_by_one(values.T)
+
+
+def one_by_one(columns: Iterable[Array]) -> Iterator[Array]:
+    """Columns (n,), one after the other, of which memory holds one."""
+    for column in columns:
         yield column
         if column.nbytes > LARGE // 8:
             release()

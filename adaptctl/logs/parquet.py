@@ -41,8 +41,11 @@ def _long(path: str | Path) -> LogTable | None:
         validate_size(path, told.num_rows, told.num_columns)
         _validate_unpacked(path, told)
         read = Batches(told.num_rows)
-        for batch in file.iter_batches(on_disk.ROWS_AT_ONCE, use_threads=False):
-            read.add(_columns(batch, read.first), len(batch))
+        for group in range(
+            told.num_row_groups
+        ):  # one by one, as Arrow keeps what it read of those that it iterates over
+            for batch in file.iter_batches(on_disk.ROWS_AT_ONCE, [group], use_threads=False):
+                read.add(_columns(batch, read.first), len(batch))
         return _table(str(path), read.columns())
     return None
 
