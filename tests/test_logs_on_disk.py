@@ -22,7 +22,7 @@ from adaptctl.identification.fit import FitSettings
 from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.gathering import gathered
 from adaptctl.identification.log_checks import checked_log
-from adaptctl.logs import on_disk, text
+from adaptctl.logs import on_disk, text, text_form
 from adaptctl.logs.parquet import read_parquet
 from adaptctl.logs.table import LogTable, table
 from adaptctl.logs.text import read_delimited
@@ -102,6 +102,19 @@ def test_a_longer_line_in_a_late_batch_is_refused_with_its_number(tmp_path: Path
     path.write_text("\n".join(["time,p", *(f"{k},{0.1 * k:.6f}{',9' * (k == 900)}" for k in range(1000))]))
     with pytest.raises(FileError, match="line 902 has 3 cells"):
         by_batches(read_delimited, path, "adaptctl.logs.text._read")
+
+
+@pytest.mark.parametrize("large", [0, 2**30])
+def test_a_line_that_is_no_text_is_refused_alone(
+    tmp_path: Path, large: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(on_disk, "LARGE", large)
+    monkeypatch.setattr(text_form, "HEAD", 4096)
+    rows = [f"{k},{0.1 * k:.6f}\n".encode() for k in range(1000)]
+    (tmp_path / "log.csv").write_bytes(b"time,p\n" + b"".join([*rows[:900], b"\x01\xff\xfe\n", *rows[900:]]))
+    with pytest.raises(FileError, match="not a text table"):
+        read_delimited(tmp_path / "log.csv")
+    assert capsys.readouterr().err == ""
 
 
 def test_a_parquet_file_in_batches_is_that_of_all_rows(tmp_path: Path) -> None:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import codecs
 import re
+import sys
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
@@ -33,7 +34,8 @@ def read_delimited(path: str | Path) -> LogTable:
     """Table of a text file: names, perhaps, then rows of numbers, separated by commas, semicolons, tabs or blanks."""
     try:
         form = form_of(path)
-        found, notes = _long(path, form) or _read(path, form)
+        with _quiet_where_undecodable():
+            found, notes = _long(path, form) or _read(path, form)
     except UnicodeDecodeError as error:
         raise FileError(f"{path}: not a text table ({error})") from error
     except OSError as error:
@@ -44,6 +46,17 @@ def read_delimited(path: str | Path) -> LogTable:
     words = {one.name: one.word for one in found if one.word is not None}
     log = table(str(path), ((one.name, one.values) for one in found), units, empty, words, begin)
     return whole_stamps(replace(log, numbered=form.names is None, notes=(*form.notes, *notes)))
+
+
+@contextmanager
+def _quiet_where_undecodable() -> Iterator[None]:
+    """Context manager in which Arrow prints no trace of a line that is no text, which it refuses besides."""
+    before = sys.unraisablehook
+    sys.unraisablehook = lambda raised: None if raised.exc_type is UnicodeDecodeError else before(raised)
+    try:
+        yield
+    finally:
+        sys.unraisablehook = before
 
 
 def _read(path: str | Path, form: TextForm) -> tuple[list[LogColumn], list[str]]:
