@@ -29,7 +29,7 @@ def period_of(torque: Column) -> Period:
 
 
 @given(delay=st.integers(0, 64), r=st.integers(1, 7), arms=st.integers(1, 3), seed=st.integers(0, 99))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=10, deadline=None)
 def test_a_torque_arrives_that_was_sent_so_many_periods_ago(delay: int, r: int, arms: int, seed: int) -> None:
     sent = np.random.default_rng(seed).normal(size=(70, r, arms))
     state = late_torques.start(delay, r)

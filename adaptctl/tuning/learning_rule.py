@@ -25,6 +25,8 @@ SPEED_SAMPLES = 400
 """times at which the reference's speeds are read"""
 PRIOR_RANGES = 10.0
 """prior ranges of every parameter beyond which no estimate is plausible; on the way ordinary ones exceed three"""
+STEP_SHARE = 0.5
+"""share of a torque limit by which an update may change a torque; 0.3 was seen after a push"""
 MAX_LEARNED = 100
 """parameters up to which learning is the default; its time grows as their square, its compilation to minutes"""
 
@@ -39,7 +41,7 @@ def bounded_learning(
 ) -> GuardedLearning:
     """Learning law of `learning_by_rule` for a model, which starts anew from an estimate that is not plausible."""
     law = learning_by_rule(model.mechanism, gain, torque_limits, damping, control_period, reference)
-    return replace(law, bound=farthest(model, np.diag(gain)))
+    return replace(law, bound=farthest(model, np.diag(gain)), torque_step=STEP_SHARE * torque_limits)
 
 
 def learning_by_rule(

@@ -37,10 +37,9 @@ from adaptctl.control.adaptation.late_torques import MAX_DELAY
 from adaptctl.control.adaptation.law import Period
 from adaptctl.control.adaptation.payload_test import PayloadTest
 from adaptctl.control.adaptation.recall import RecallingLeastSquares
-from adaptctl.control.adaptation.recalled_step import recalled_step
 from adaptctl.control.adaptation.stored import Stored
 from adaptctl.control.adaptation.trial_estimate import held, returning, trial_share
-from adaptctl.control.adaptation.two_stage_filter import FilteredPrediction, FilteredTwice
+from adaptctl.control.adaptation.two_stage_filter import FilteredTwice
 from adaptctl.control.pytree import either
 from adaptctl.errors import InputError, validate_kind
 from adaptctl.identifiability import ReducedModel
@@ -84,6 +83,9 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
     bound : float, default infinity
         Distance of the estimate from the initial one, in units of the gain's roots times 1 J^(1/2), beyond which the
         memory starts anew from there. `learning_law` chooses it.
+    torque_step : array_like, default infinity
+        Most by which an update changes a predicted torque in N m (N), one number or (r,), but for a new start.
+        `learning_law` takes half of the torque limits.
     delay : int, default 0
         Control periods, 0 to 64, by which torques arrive late. The prediction then uses those that had arrived.
     external_torque : ExternalTorque, optional
@@ -123,7 +125,17 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
     'model'
     """
 
-    tunable = ("gain", "prediction_weight", "cutoff", "forgetting", "recall", "min_speed", "time_limit", "bound")
+    tunable = (
+        "gain",
+        "prediction_weight",
+        "cutoff",
+        "forgetting",
+        "recall",
+        "min_speed",
+        "time_limit",
+        "bound",
+        "torque_step",
+    )
     needs_double = True
 
     called: ClassVar[str] = "guarded learning"
@@ -134,6 +146,7 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
     min_speed: ArrayLike = 0.05
     time_limit: float = 10.0
     bound: float = float("inf")
+    torque_step: ArrayLike = float("inf")
     delay: int = 0
     external_torque: ExternalTorque | None = None
     trial: bool = True
@@ -145,8 +158,7 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         if not isinstance(self.trial, bool):
             raise InputError(f"{self.called}: trial: expected True or False, got {self.trial!r}")
         self._validate_not_negative({"recall": "1/s", "time_limit": "s"})
-        if not self.bound > 0.0:
-            raise InputError(f"{self.called}: bound: expected a positive number, got {self.bound}")
+        object.__setattr__(self, "torque_step", restart.checked(self.called, self.bound, self.torque_step))
         whole_number(self.delay, f"{self.called}: delay in control periods", 0, MAX_DELAY)
         speeds = np.asarray(self.min_speed, dtype=np.float64)
         if not (np.all(np.isfinite(speeds)) and np.all(speeds >= 0.0)):
@@ -178,7 +190,8 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
             parameters at values other than zero.
         """
         super().validate(model, initial, control_period)
-        per_joint(self.min_speed, model.mechanism.dof, f"{self.called}: min_speed")
+        for name in ("min_speed", "torque_step"):
+            per_joint(getattr(self, name), model.mechanism.dof, f"{self.called}: {name}")
         if self.external_torque is not None:
             self.external_torque.validate(control_period)
 
@@ -250,7 +263,11 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         x = Column(value / scale for value, scale in zip(estimate, self._scale, strict=True))
         observer = self.external_torque
         fast = None if observer is None else external_torque.predicted(observer, model, period, memory.touch)
-        stored, step, unsure = self._stepped(memory.stored, sample, period, watch, (x, GRADIENT_SHARE * slope), fast)
+        alarmed, stored = watch.alarm[0] > 0.0, memory.stored
+        flow = stored.flow(period, alarmed, reduce(maximum, sample.counts), (self.forgetting, self.recall))
+        shares = where(alarmed, 0.0, period.dt) * (sample.counts * sample.weights)
+        at, beside = (x, GRADIENT_SHARE * slope), [] if fast is None else [scale * row for row in fast.rows]
+        stored, step, unsure = stored.stepped(flow, sample.units, sample.torque, shares, at, beside)
         felt = watch.trusted, Column(unsure.of[r:]), weights, watch.alarm[0]
         touch = external_torque.felt(observer, fast, felt, period, list(speeds), memory.touch)
         back = returning(watch.doubt, period.period) if self.trial else held(period.period)
@@ -259,27 +276,9 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
             trial = (trial_share(sample, watch) * self._scale) * slope + trial
         after = estimate - either(watch.alarm[0] > 0.0, trial, self._scale * step)
         unsure = Column(unsure.of[: len(sample.rows)])
-        found = self._decided(model, after, stored, sample, unsure, period, memory, prediction.after, touch)
-        return restart.bounded(self.bound, self._scale, *found, watch.decision[0])
-
-    def _stepped(
-        self, stored: Stored, sample: TorqueEquations, period: Period, watch: Watch, given: tuple[Column, Column],
-        fast: FilteredPrediction | None,
-    ) -> tuple[Stored, Column, Column]:  # fmt: skip
-        """Memory with what leaves quarantine, the step at an estimate along a slope, and what is unsure (r or 2 r,)."""
-        alarmed, (x, slope) = watch.alarm[0] > 0.0, given
-        flow = stored.flow(period, alarmed, reduce(maximum, sample.counts), (self.forgetting, self.recall))
-        shares = where(alarmed, 0.0, period.dt) * (sample.counts * sample.weights)
-        # The step recalls what was kept, and takes what is new at once: then V does not rise (docs/adaptation.md).
-        kept, new = flow.keep * stored.known, flow.leave * stored.pending_known
-        right = slope - flow.recall * kept - new
-        beside = [] if fast is None else [self._scale * row for row in fast.rows]
-        found = recalled_step(stored.information, stored.pending, sample.units, shares, flow, x, right, beside)
-        pending = flow.stay * stored.pending_known
-        for unit, share, torque in zip(sample.units, shares, sample.torque, strict=True):
-            pending = pending + (share * torque) * unit
-        after = Stored(found.information, kept + new, found.pending, pending, stored.valid)
-        return after, found.step, found.unsure
+        after, found = self._decided(model, after, stored, sample, unsure, period, memory, prediction.after, touch)
+        after = restart.stepped(estimate, after, sample.rows, each(self.torque_step, r))
+        return restart.bounded(self.bound, self._scale, after, found, watch.decision[0])
 
     def _decided(
         self, model: ReducedModel, after: Column, stored: Stored, sample: TorqueEquations, unsure: Column,

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from adaptctl.arrays import Array
 from adaptctl.control.adaptation.law import Period
-from adaptctl.control.adaptation.recalled_step import Flow
+from adaptctl.control.adaptation.recalled_step import Flow, recalled_step
 from adaptctl.scalars import Column, Scalar, where
 from adaptctl.scalars.scalar import Condition
 
@@ -38,6 +39,22 @@ class Stored(NamedTuple):
         keep = 1.0 / (1.0 + (forgetting * period.dt) * (quiet * counts))
         old, pending = self.valid
         return Flow(old * keep, pending * (quiet * (1.0 - stay)), pending * stay, quiet * (recall * period.dt))
+
+    def stepped(
+        self, flow: Flow, units: Sequence[Column], torque: Column, shares: Column, at: tuple[Column, Column],
+        beside: Sequence[Column],
+    ) -> tuple[Stored, Column, Column]:  # fmt: skip
+        """Memory with what leaves quarantine, the step at an estimate along a slope, and what is unsure of the rows."""
+        # The step recalls what was kept, and takes what is new at once: then V does not rise (docs/adaptation.md).
+        kept, new = flow.keep * self.known, flow.leave * self.pending_known
+        x, slope = at
+        right = slope - flow.recall * kept - new
+        found = recalled_step(self.information, self.pending, units, shares, flow, x, right, beside)
+        pending = flow.stay * self.pending_known
+        for unit, share, missed in zip(units, shares, torque, strict=True):
+            pending = pending + (share * missed) * unit
+        after = Stored(found.information, kept + new, found.pending, pending, self.valid)
+        return after, found.step, found.unsure
 
     @property
     def remembered(self) -> Array:
