@@ -229,12 +229,42 @@ def exported(law: Any, numbers: bool = True, **more: Any) -> dict[str, str]:
 
 
 def names() -> dict[str, Any]:
-    """Public names of every package that has a stub, and of the modules that say in `__all__` what they offer."""
+    """Public names of every package that says in `__all__` what it offers, with parameters and their defaults."""
     from importlib import import_module
 
     places = sorted(path.parent.relative_to(ROOT) for path in ROOT.glob("adaptctl/**/__init__.py"))
     packages = {".".join(place.parts): import_module(".".join(place.parts)) for place in places}
-    return {name: list(package.__all__) for name, package in packages.items() if hasattr(package, "__all__")}
+    return {
+        name: {public: parameters_of(getattr(package, public)) for public in package.__all__}
+        for name, package in packages.items()
+        if hasattr(package, "__all__")
+    }
+
+
+def parameters_of(thing: Any) -> Any:
+    """Parameters of a function with their defaults; of a class those of itself and of its public methods."""
+    from enum import Enum
+
+    if isinstance(thing, type) and issubclass(thing, Enum):
+        return list(thing.__members__)
+    if not isinstance(thing, type):
+        return parameters(thing)
+    methods = {name: parameters(value) for name, value in vars(thing).items() if not name.startswith("_")}
+    return {"": parameters(thing)} | {name: told for name, told in methods.items() if "=" in told}
+
+
+def parameters(thing: Any) -> str:
+    """Parameters with their defaults, as text; nothing where Python tells none."""
+    import inspect
+
+    def told(default: Any) -> str:
+        return getattr(default, "__name__", re.sub(r" at 0x\w+", "", repr(default)))
+
+    try:
+        found = inspect.signature(getattr(thing, "__func__", thing)).parameters.values()
+    except (TypeError, ValueError):
+        return ""
+    return ", ".join(one.name if one.default is one.empty else f"{one.name}={told(one.default)}" for one in found)
 
 
 def settings() -> dict[str, Any]:
