@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -338,6 +339,14 @@ def test_gains_for_a_robot_whose_torques_act_late() -> None:
     run = adaptctl.drive(robot, ready_controller(ARM, PERIOD, reference, delay=3), reference, 4.0)
     assert (run.stopped, robot.breaches) == ("", [])  # as tuned without the delay, the loop rings until it is stopped
     assert run.final_rms_error.max() < 0.01
+
+
+@pytest.mark.parametrize(("ringing", "told"), [(1.0, "elbow rings: its gains are too high"), (0.0, "not finite")])
+def test_why_the_safety_filter_stopped_is_told(ringing: float, told: str) -> None:
+    detector = SimpleNamespace(lag_product=np.array([0.1, -0.4]), power=np.array([0.4, 0.4]))
+    state = SimpleNamespace(ringing=detector, flags=SimpleNamespace(ringing=np.array([ringing])))
+    loop: Any = SimpleNamespace(state=state, names=["shoulder", "elbow"])
+    assert told in DriveLoop._unsound(loop)
 
 
 def test_an_arm_that_sags_is_braked_again() -> None:

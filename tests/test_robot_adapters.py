@@ -19,6 +19,7 @@ from driven_robots import ARM
 from random_trees import random_chain
 
 import adaptctl
+from adaptctl.cli.drive import _geared
 from adaptctl.cli.main import main
 from adaptctl.description.drive import Drive
 from adaptctl.hardware import (
@@ -278,3 +279,13 @@ def test_command_drives_a_scene_and_says_what_happened(
     assert "--duration: expected a positive time" in capsys.readouterr().err
     assert main(["drive", "ur", "x", *given[3:], "--out", str(tmp_path / "other")]) == 1
     assert "pip install ur_rtde" in capsys.readouterr().err
+
+
+def test_a_simulated_robot_tells_its_rotors_and_no_other_is_guessed_for_it() -> None:
+    """A guess of fourteen times a wrist's own inertia made the loop ring until it was stopped."""
+    arm = adaptctl.load("two_link")
+    geared = arm.with_drives(Drive(rotor_inertia=0.05))
+    for simulated, expected in ((arm, None), (geared, 0.05)):
+        told = _geared(arm, MuJoCoRobot(simulated, 0.004), None)
+        assert [joint.drive.rotor_inertia for joint in told.primary_joints] == [expected, expected]
+    assert _geared(geared, MuJoCoRobot(arm, 0.004), None).description == geared.description

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -69,7 +70,8 @@ def drive(
         Feel external torques, and stop, yield or go back where they pass the level of one false alarm an hour. "ignore"
         feels nothing.
     rotors : str, optional
-        Published rotor inertias to start from, "fr3" or "fr3-menagerie", where the file has none; guessed by default.
+        Published rotor inertias to start from, "fr3" or "fr3-menagerie", where the file has none. Default: a guess, or
+        those of a simulated robot.
 
     Returns
     -------
@@ -84,12 +86,12 @@ def drive(
         If a file cannot be used or written.
     """
     from adaptctl.folders import replacing_folder
-    from adaptctl.hardware import with_rotors
 
     interrupted = False
     with replacing_folder(out, overwrite) as folder, ExitStack() as shown:
-        arm = with_rotors(reading.load(robot), rotors)
+        arm = reading.load(robot)
         found = connected(vendor, address, arm, any_kernel, start)
+        arm = _geared(arm, found, rotors)
         try:
             view = _view(arm, shown) if live else None
             run = _driven(found, arm, (duration, amplitude), folder, view, on_touch, address)
@@ -102,6 +104,21 @@ def drive(
     if interrupted:
         raise KeyboardInterrupt
     return FAILED if run.stopped else DONE
+
+
+def _geared(arm: Mechanism, robot: TorqueRobot, rotors: str | None) -> Mechanism:
+    """Arm with rotor inertias: published or guessed ones, or those that a simulated robot has."""
+    from adaptctl.hardware import MuJoCoRobot, with_rotors
+
+    if rotors is not None or not isinstance(robot, MuJoCoRobot):
+        return with_rotors(arm, rotors)
+    simulated = [joint.drive.rotor_inertia or None for joint in robot.plant.mechanism.primary_joints]
+    own = dict(zip((joint.name for joint in arm.primary_joints), simulated, strict=False))
+    drives = [link.joint.drive for link in arm.links]
+    given = [own.get(link.joint.name) for link in arm.links]
+    return arm.with_drives(
+        [replace(d, rotor_inertia=x) if d.rotor_inertia is None else d for d, x in zip(drives, given, strict=True)]
+    )
 
 
 def connected(

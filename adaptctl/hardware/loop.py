@@ -12,6 +12,7 @@ from adaptctl.arrays import Array
 from adaptctl.control import HeldState, SafetyFilter
 from adaptctl.control.controller import Reference, ReferencePoint
 from adaptctl.control.minimum_jerk import quintic
+from adaptctl.control.ringing import correlation
 from adaptctl.control.transitions import point_at
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import NonFiniteError
@@ -27,6 +28,7 @@ from adaptctl.hardware.timing import LoopTimes, without_collections
 from adaptctl.hardware.torque_guard import TorqueGuard
 from adaptctl.hardware.touch_reaction import Feeling, Reaction, touch_of, yielding
 from adaptctl.recording import Live
+from adaptctl.scalars import Column
 from adaptctl.simulation import RunLogger
 
 RAMP = 0.2
@@ -155,6 +157,17 @@ class DriveLoop:
             return yielding(reading.p, reading.v)
         return point_at(self.path if self.stop is None else self.stop.path, self.time)
 
+    def _unsound(self) -> str:
+        """Reason why the safety filter stopped."""
+        detector, flags = self.state.ringing, self.state.flags
+        if flags.ringing[0] < 0.5:
+            return "a number of the controller is not finite"
+        worst = self.names[int(np.argmin(correlation(Column(detector.lag_product), Column(detector.power)).of))]
+        return (
+            f"{worst} rings: its gains are too high for its inertia; give the rotor inertia in the robot's file, or a "
+            "smaller amplitude"
+        )
+
     def _trouble(self, reading: RobotReading, point: ReferencePoint) -> str:
         """Reason for a stop; empty if there is none."""
         if self.time >= self.duration:
@@ -166,7 +179,7 @@ class DriveLoop:
         if self.stop is not None and self.stop.yields and self.feeling.over(self.time):
             return self.stop.reason
         if self.state.flags.stopped[0] > 0.5:
-            return "the controller rings, or its numbers are not finite"
+            return self._unsound()
         if self.times.late > LATE:
             return f"{self.times.late} periods in a row came late: use a real-time kernel, or a longer period"
         if self.time < SAG_TIME and self._holds and (np.abs(reading.p - self.start_p) > SAG).any():
