@@ -239,7 +239,7 @@ def limited(effort: float, velocity: float, lower: float, upper: float) -> pinoc
 
 @pytest.mark.parametrize("bounds", [(0, 0, 0, 0), (1, 0, -1, 1), (0, 1, -1, 1), (1, 1, 0, 0)])
 def test_limits_of_zero_are_no_limits_but_said(bounds: tuple[float, ...]) -> None:
-    with pytest.warns(SimplificationWarning, match="short: limits of zero are read as no limits: stiff"):
+    with pytest.warns(SimplificationWarning, match="short: limits of zero are read as no limits: stiff \\("):
         description = from_pinocchio(limited(*bounds))
     limits = description.links[0].joint.limits
     assert math.inf in (limits.upper, limits.velocity, limits.effort)

@@ -184,10 +184,17 @@ def test_limits(tmp_path: Path, text: str, kind: str, expected: Limits) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ['lower="0" upper="0" velocity="0" effort="0"', 'lower="0.0" upper="0"', 'velocity="0"', 'effort="0"']
+    ("text", "zeros"),
+    [
+        ('lower="0" upper="0" velocity="0" effort="0"', "lower = upper = 0, velocity 0, effort 0"),
+        ('lower="0.0" upper="0"', "lower = upper = 0"),
+        ('velocity="0"', "velocity 0"),
+        ('effort="0"', "effort 0"),
+    ],
 )
-def test_limits_of_zero_are_no_limits_but_said(tmp_path: Path, text: str) -> None:
-    with pytest.warns(SimplificationWarning, match=r"robot\.urdf: limits of zero are read as no limits: hinge"):
+def test_limits_of_zero_are_no_limits_but_said(tmp_path: Path, text: str, zeros: str) -> None:
+    words = rf"robot\.urdf: limits of zero are read as no limits: hinge \({zeros}\)"
+    with pytest.warns(SimplificationWarning, match=words):
         robot = reading(tmp_path, limit(text))
     assert robot.links[0].joint.limits == Limits()
 
@@ -394,3 +401,43 @@ def test_negative_limits_are_none_but_said(tmp_path: Path, given: str) -> None:
     with pytest.warns(SimplificationWarning, match=words):
         own = from_pinocchio(model).links[0].joint.limits
     assert (own.velocity, own.effort) == (np.inf, np.inf)
+
+
+def arm(upper: str = BODY, elbow: str = "0.4 0 0", origin: str = "", more: str = "") -> str:
+    """Two joints with limits, of which an end may be left out or moved."""
+    bound = '<limit lower="-1" upper="1" velocity="1" effort="1"/>'
+    hand = BODY.replace("<mass", f"{origin}<mass")
+    return (
+        f'<robot name="arm"><link name="base"/><link name="upper">{upper}</link><link name="hand">{hand}</link>'
+        f'<joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/>{bound}</joint>'
+        f'<joint name="elbow" type="revolute"><parent link="upper"/><child link="hand"/><origin xyz="{elbow}"/>'
+        f"{more or bound}</joint></robot>"
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (arm(upper=""), "<inertial> are taken as massless.*: upper$"),
+        (arm(more="<dynamics/>"), "without <limit>.*: elbow$"),
+        (arm(elbow="400 0 0"), "millimetres: origin of joint 'elbow' at 400 m$"),
+        (arm(origin='<origin xyz="0 0 -150"/>'), "millimetres: origin of link 'hand' at 150 m$"),
+        (
+            arm(more='<limit lower="-1" upper="1"/><mimic joint="sholder"/>'),
+            r"independent: elbow, of unknown leader 'sholder' \(did you mean 'shoulder'\?\)$",
+        ),
+    ],
+)
+def test_what_a_file_hardly_means_is_said(tmp_path: Path, text: str, words: str) -> None:
+    with pytest.warns(SimplificationWarning, match=words) as said:
+        reading(tmp_path, text)
+    assert len(said) == 1
+
+
+def test_bodies_within_a_joint_of_several_axes_may_be_massless(tmp_path: Path) -> None:
+    """Nor does a file of one kind of joints without any limits say more than that it has none."""
+    assert len(reading(tmp_path, arm(upper="", elbow="0 0 0")).links) == 2
+    assert len(reading(tmp_path, TWO.replace("<mimic", "<unread").replace('<link name="hand"/>', HAND)).links) == 2
+
+
+HAND = f'<link name="hand">{BODY}</link>'

@@ -18,6 +18,7 @@ from adaptctl.description.joint import Joint, JointKind
 from adaptctl.description.link import GROUND, Link, depth_first
 from adaptctl.description.loops import Closure, ClosureKind
 from adaptctl.description.pose import FrameKind, NamedFrame, Pose
+from adaptctl.description.readers.entries import zero_limits
 from adaptctl.errors import InputError, NotFoundError, SimplificationWarning
 
 _ONE_COORDINATE = re.compile(r"JointModel(R[XYZ]|RUB[XYZ]|P[XYZ]|(Revolute|RevoluteUnbounded|Prismatic)Unaligned)")
@@ -292,7 +293,7 @@ def _bounds(model: pinocchio.Model, index: int) -> list[float]:
 
 def _zero_limited(model: pinocchio.Model) -> list[str]:
     bounds = {model.names[i]: _bounds(model, i) for i in range(1, model.njoints)}
-    return [name for name, (a, b, velocity, effort) in bounds.items() if a == b == 0.0 or not velocity or not effort]
+    return [f"{name} ({zeros})" for name, own in bounds.items() if (zeros := zero_limits(*own))]
 
 
 def _negative_limited(model: pinocchio.Model) -> list[str]:

@@ -23,11 +23,20 @@ from adaptctl.description.readers.entries import (
     FLOATING_FLAG,
     MAX_BODIES,
     MAX_LINKS,
-    is_more_than_a_turn,
     validate_at_most,
     validate_mass_of_inertia,
     warn_of_degrees,
     warn_of_weightless,
+    zero_limits,
+)
+from adaptctl.description.readers.urdf_doubts import (
+    GIVE_INERTIAL,
+    GIVE_LIMIT,
+    IN_METRES,
+    lengthy,
+    massless,
+    turned,
+    unlimited,
 )
 from adaptctl.description.readers.urdf_visuals import Meshes, materials, origin_pose, visuals
 from adaptctl.description.readers.xml_elements import (
@@ -44,7 +53,7 @@ from adaptctl.description.readers.xml_elements import (
 )
 from adaptctl.description.transforms import above_base, floating, frames_above_base
 from adaptctl.description.visual import Visual
-from adaptctl.errors import FileError, InputError, SimplificationWarning
+from adaptctl.errors import FileError, InputError, SimplificationWarning, suggested_name
 
 KINDS = {kind.value: kind for kind in JointKind}
 UNREAD_MACROS = ("property", "arg", "macro")
@@ -80,8 +89,9 @@ def read_urdf(path: str | Path, *, floating_base: bool = False, mesh_folders: Se
     Warns
     -----
     SimplificationWarning
-        If a base is held that may be meant to float, a mimic joint has no moving leader, limits are zero or negative
-        (taken as none), angles look like degrees, end links have no mass, or a mesh is outside the folders.
+        If a base is held that may be meant to float, a mimic joint has no moving leader, limits are missing, zero or
+        negative (taken as none), angles look like degrees or lengths like millimetres, links have no mass, or a mesh is
+        outside the folders.
 
     Notes
     -----
@@ -133,13 +143,18 @@ def read_urdf(path: str | Path, *, floating_base: bool = False, mesh_folders: Se
     _warn(path, "constraints given twice are taken once", repeated)
     _warn(path, f"the base is held still, and floats with {FLOATING_FLAG}", [] if floating_base else held)
     _warn(path, "negative limits of effort or velocity are read as none", [e.name for e in edges if e.negative_limits])
-    _warn(path, "limits of zero are read as no limits", [edge.name for edge in edges if edge.zero_limits])
+    zeros = [f"{edge.name} ({edge.zero_limits})" for edge in edges if edge.zero_limits]
+    _warn(path, "limits of zero are read as no limits", zeros)
+    _warn(path, GIVE_LIMIT, unlimited(edge.element for edge in edges))
+    _warn(path, GIVE_INERTIAL, massless(links, bodies))
+    movers = [edge.element for edge in edges if edge.parent != root or edge.joint is not None]
+    _warn(path, IN_METRES, lengthy([*movers, *(bodies[link.name] for link in links if link.name in bodies)]))
     _warn(
         path,
         "meshes outside the robot's package are ignored; give their folder in mesh_folders",
         meshes.outside,
     )
-    warn_of_degrees(path, links, _turned(robot))
+    warn_of_degrees(path, links, turned(robot))
     warn_of_weightless(path, links, loops)
     return description
 
@@ -155,7 +170,7 @@ class _Edge:
     origin: Pose
     joint: Joint | None = None
     mimic: Coupling | None = None
-    zero_limits: bool = False
+    zero_limits: str = ""
     negative_limits: bool = False
 
     @property
@@ -362,7 +377,13 @@ def _loops(edges: Sequence[_Edge], links: Sequence[Link]) -> Loops | None:
 
 def _leaderless(edges: Sequence[_Edge]) -> list[str]:
     moving = {edge.name for edge in edges if edge.joint is not None}
-    return [edge.name for edge in edges if edge.mimic is not None and edge.mimic.leader not in moving]
+    pairs = [(edge.name, edge.mimic.leader) for edge in edges if edge.mimic and edge.mimic.leader not in moving]
+    known = [edge.name for edge in edges]
+    return [name if own in known else f"{name}, of unknown leader {own!r}{_close(own, moving)}" for name, own in pairs]
+
+
+def _close(name: str, moving: set[str]) -> str:
+    return suggested_name(name, sorted(moving)) or "; name a joint in <mimic>"
 
 
 def _drive(joint: Element, where: str) -> Drive:
@@ -379,38 +400,26 @@ def _drive(joint: Element, where: str) -> Drive:
         raise InputError(f"{where}: <dynamics>: {error}") from error
 
 
-def _limits(limit: Element | None, kind: JointKind, where: str) -> tuple[Limits, bool, bool]:
-    """Limits, and whether one is zero and one negative, which limit nothing."""
+def _limits(limit: Element | None, kind: JointKind, where: str) -> tuple[Limits, str, bool]:
+    """Limits, those that are zero in words, and whether one is negative; neither limits."""
     if limit is None:
-        return Limits(), False, False
+        return Limits(), "", False
     lower, upper, velocity, effort = (
         number(limit, name, where, math.inf) if name in limit.attrib else None
         for name in ("lower", "upper", "velocity", "effort")
     )
-    zero = velocity == 0.0 or effort == 0.0
     bounds = (-math.inf, math.inf)
-    if kind is not JointKind.CONTINUOUS and (lower or upper):
+    if kind is JointKind.CONTINUOUS:
+        lower = upper = None
+    if lower or upper:
         bounds = (lower or 0.0, upper or 0.0)
-    elif kind is not JointKind.CONTINUOUS:
-        zero = zero or lower is not None or upper is not None
+    zero = zero_limits(lower, upper, velocity, effort)
     most = [value if value is not None and value > 0.0 else math.inf for value in (velocity, effort)]
     negative = any(value is not None and value < 0.0 for value in (velocity, effort))
     try:
         return Limits(*bounds, *most), zero, negative
     except InputError as error:
         raise InputError(f"{where}: {error}") from error
-
-
-def _turned(robot: Element) -> list[str]:
-    placed = ((part, origin) for part in robot.iter() for origin in part.findall("origin") if "rpy" in origin.attrib)
-    return [f"rpy of {named(part)}" for part, origin in placed if is_more_than_a_turn(_rpy(origin))]
-
-
-def _rpy(origin: Element) -> list[float]:
-    try:
-        return numbers(origin, "rpy", 3, "<origin>")
-    except InputError:  # of what is not read
-        return []
 
 
 def _held(root: str, still: Array, links: Sequence[Link], edges: Sequence[_Edge]) -> list[str]:
