@@ -25,6 +25,7 @@ from adaptctl.control import Controller
 from adaptctl.errors import AdaptctlError, printable
 from adaptctl.files import hashed
 from adaptctl.simulation import simulate_many
+from adaptctl.simulation.whole_runs import whole
 from adaptctl.version import __version__
 
 Row: TypeAlias = dict[str, Any]
@@ -130,7 +131,7 @@ class ContestEntry:
         if self.plant != "adaptctl":
             return foreign_runs(self.plant, scene, condition, laws, references, start, truth, **shared)
         given: Row = {"p": start, "parameters": truth, "seed": list(self.seeds), "divergence_bound": DIVERGED}
-        runs = simulate_many(condition.plant(scene), laws, references, **given, **shared)
+        runs = whole(simulate_many(condition.plant(scene), laws, references, **given, **shared))
         return ContestRuns(runs.time, runs.error, runs.torque, runs.largest_error, runs.diverged_at, runs.estimate[-1])
 
 

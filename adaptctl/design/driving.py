@@ -15,6 +15,7 @@ from adaptctl.design.task import DesignTask
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel, reduce
 from adaptctl.simulation import Plant, Rollouts, simulate_many
+from adaptctl.simulation.whole_runs import whole
 from adaptctl.tuning import Tuning, tune
 
 # Components that the small controllers adapt, and time of a run in s.
@@ -95,9 +96,8 @@ def _laws(task: DesignTask, tuning: Tuning, count: int) -> Iterator[tuple[str, s
 
 def _run(plant: Plant, law: SlotineLi, tuning: Tuning, duration: float) -> Rollouts:
     start = tuning.reference(np.zeros(1)).p + tuning.initial_error
-    return simulate_many(
-        plant, law, tuning.reference, duration=duration, p=start, v=0.0 * start, divergence_bound=MAX_POSITION_ERROR
-    )
+    given = {"duration": duration, "p": start, "v": 0.0 * start, "divergence_bound": MAX_POSITION_ERROR}
+    return whole(simulate_many(plant, law, tuning.reference, **given))
 
 
 def _judged(runs: Rollouts, limits: Array, name: str, label: str) -> DrivenArm:

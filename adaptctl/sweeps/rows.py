@@ -31,6 +31,7 @@ from adaptctl.files import finite_or_none
 from adaptctl.identifiability import FundamentalBasis, essential_space, fundamental_basis
 from adaptctl.recording import Comparison, ControllerRun
 from adaptctl.simulation import Episode, Rollouts, simulate_many
+from adaptctl.simulation.whole_runs import whole
 from adaptctl.version import __version__
 
 # Errors of an experiment that make its run a failed one and leave others as they are.
@@ -218,20 +219,19 @@ def _tried(trials: Sequence[Trial], precision: Precision) -> list[RunOutcome]:
     episodes = [episode for _, episode, _ in trials]
     plant = episodes[0].plant
     try:
-        return RunOutcome.each_of(
-            simulate_many(
-                plant,
-                [contender.controller for contender, _, _ in trials],
-                [one.reference for one in episodes],
-                duration=episodes[0].steps * plant.control_period,
-                parameters=np.stack([one.parameters for one in episodes]),
-                p=np.stack([one.state.p for one in episodes]),
-                v=np.stack([one.state.v for one in episodes]),
-                record_every=None,
-                divergence_bound=trials[0][2].error_bound,
-                precision=precision,
-            )
+        runs = simulate_many(
+            plant,
+            [contender.controller for contender, _, _ in trials],
+            [one.reference for one in episodes],
+            duration=episodes[0].steps * plant.control_period,
+            parameters=np.stack([one.parameters for one in episodes]),
+            p=np.stack([one.state.p for one in episodes]),
+            v=np.stack([one.state.v for one in episodes]),
+            record_every=None,
+            divergence_bound=trials[0][2].error_bound,
+            precision=precision,
         )
+        return RunOutcome.each_of(whole(runs))
     except FAILURES as error:
         return [] if precision == "double" else [RunOutcome.failed(error)] * len(trials)
 

@@ -21,6 +21,7 @@ from adaptctl.errors import RankError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, where
 from adaptctl.simulation import Plant, Rollouts, simulate_many
+from adaptctl.simulation.whole_runs import whole
 from adaptctl.tuning.learning_rule import MAX_LEARNED, bounded_learning
 
 RECORD_INTERVAL = 50  # control periods
@@ -109,7 +110,8 @@ class Trials:
     def _simulated(self, laws: list[Delayed], settings: list[TrialSetting], duration: float) -> Rollouts:
         parameters = np.array([one.parameters for one in settings])
         start: dict[str, Any] = {"parameters": parameters, "p": self.start + self.off, "v": np.zeros(self.plant.dof)}
-        return simulate_many(self.plant, laws, self.reference, duration=duration, record_every=RECORD_INTERVAL, **start)
+        given = {"duration": duration, "record_every": RECORD_INTERVAL, **start}
+        return whole(simulate_many(self.plant, laws, self.reference, **given))
 
 
 def base_model(mechanism: Mechanism) -> ReducedModel:
