@@ -103,7 +103,7 @@ def test_a_law_may_saturate_smoothly() -> None:
         (lambda p, v, r, memory: (-p, (p,)), InputError, "got another type of state than that of `initial_state`"),
         (lambda p, v, r, memory: (-p, None), InputError, "got another type of state than that of `initial_state`"),
         (lambda p, v, r, memory: (np.tanh(p), memory), TraceError, r"apply the functions of adaptctl\.scalars to each"),
-        (lambda p, v, r, memory: (np.eye(2) @ p, memory), TraceError, "matrices do not accept a Column"),
+        (lambda p, v, r, memory: (np.eye(2) @ p, memory), TraceError, "do not accept a Column"),
         (lambda p, v, r, memory: (Column(math.tanh(x) for x in p), memory), TraceError, "not of math"),
         (
             lambda p, v, r, memory: (Column(np.arcsin(x) for x in p), memory),

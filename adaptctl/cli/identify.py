@@ -165,6 +165,7 @@ def identify(
     else:
         print_outcome(verdict(found), facts(found), out, found.warnings)
         print_parts([titled("Logs", listed(log_lines(found))), titled("Torques of the joints", _joints(found))])
+        print(f"Next: adaptctl tune {out / 'robot.toml'}")
         if compared is not None:
             page = compared.report()
             print()

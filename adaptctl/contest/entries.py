@@ -29,7 +29,7 @@ from adaptctl.simulation.whole_runs import whole
 from adaptctl.version import __version__
 
 Row: TypeAlias = dict[str, Any]
-LONGEST_REASON = 200
+LONGEST_REASON = 400
 """characters"""
 
 

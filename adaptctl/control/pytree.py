@@ -30,8 +30,9 @@ def checked_step(law: Any, *given: Any) -> Any:
         if "'Column'" not in str(error):
             raise
         raise TraceError(
-            f"{type(law).__name__}.law: {error}: NumPy's functions and matrices do not accept a Column: apply the "
-            "functions of adaptctl.scalars to each scalar, as in Column(tanh(x) for x in e)"
+            f"{type(law).__name__}.law: {error}: NumPy's functions and matrices, comparisons, min and max do not "
+            "accept a Column: apply the functions of adaptctl.scalars (where, minimum, maximum, clip and others) to each "
+            "scalar, as in Column(tanh(x) for x in e)"
         ) from error
 
 
