@@ -31,8 +31,8 @@ def checked_step(law: Any, *given: Any) -> Any:
             raise
         raise TraceError(
             f"{type(law).__name__}.law: {error}: NumPy's functions and matrices, comparisons, min and max do not "
-            "accept a Column: apply the functions of adaptctl.scalars (where, minimum, maximum, clip and others) to each "
-            "scalar, as in Column(tanh(x) for x in e)"
+            "accept a Column: apply the functions of adaptctl.scalars to each scalar, as in Column(tanh(x) for x in "
+            "e); where, minimum, maximum and clip are among them"
         ) from error
 
 
