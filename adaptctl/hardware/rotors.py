@@ -74,7 +74,7 @@ def with_rotors(mechanism: Mechanism, profile: str | None = None) -> Mechanism:
     Warns
     -----
     SimplificationWarning
-        If rotor inertias were guessed: gains lean on them.
+        If rotor inertias were guessed: gains follow from them.
 
     Notes
     -----
@@ -98,7 +98,7 @@ def with_rotors(mechanism: Mechanism, profile: str | None = None) -> Mechanism:
     if profile is None:
         warnings.warn(
             f"{mechanism.name}: the description has no rotor inertia of {', '.join(missing)}: guessed from torque "
-            "limits, and learned; gains lean on them, so give measured ones if you have them",
+            "limits, and learned; gains follow from them, so give measured ones if you have them",
             SimplificationWarning,
             stacklevel=2,
         )

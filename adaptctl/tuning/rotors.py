@@ -27,8 +27,9 @@ def rotor_note(mechanism: Mechanism) -> str:
     if not mechanism.description.source.startswith(URDF) or not (names := rotorless(mechanism)):
         return ""
     return (
-        f"{', '.join(names)}: URDF has no rotor inertias, and gains lean on them, so that geared joints may swing at "
-        "the robot; adaptctl.hardware.with_rotors gives them, as adaptctl drive does"
+        f"{', '.join(names)}: URDF has no rotor inertias, so that gains are for the links alone, and geared joints of "
+        "the robot may swing; give rotor_inertia in a TOML file (adaptctl new ROBOT.toml --like FILE.urdf), or use "
+        "adaptctl.hardware.with_rotors in Python; adaptctl drive guesses them"
     )
 
 
