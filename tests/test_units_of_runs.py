@@ -14,7 +14,10 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import FileError, InputError
 from adaptctl.identification.columns import joint_columns
+from adaptctl.identification.drives_file import Drives, read_drives
 from adaptctl.identification.log_files import read_log, table
+from adaptctl.identification.unknown_columns import validate_drives
+from adaptctl.logs.table import LogTable
 from adaptctl.simulation import Rollout, RunLogger, rollout, simulate
 
 UNITS = ("m", "rad")
@@ -95,3 +98,63 @@ def test_columns_in_units_of_different_factors_are_told_apart() -> None:
         match=r"log\.csv: the columns of position have different units \(mm, rad\); convert them to SI units",
     ):
         joint_columns(arm, log)
+
+
+def short_log() -> LogTable:
+    """Numbers of an arm of both kinds of joints, without units."""
+    joints = [joint.name for joint in slide_and_turn().primary_joints]
+    columns = {f"{what}.{joint}": np.arange(9.0) for joint in joints for what in ("p", "applied", "v")}
+    return table("log.csv", {"time": np.arange(9.0), **columns}.items())
+
+
+OF_EACH = {"time": "s", "position": "mm, deg", "velocity": "mm/s,rpm", "torque": "N,Nm"}
+
+
+def test_each_joint_may_have_a_unit_of_its_own() -> None:
+    drives = joint_columns(slide_and_turn(), short_log(), units=OF_EACH)
+    assert drives.position_factors.tolist() == [1e-3, np.pi / 180]
+    assert drives.velocity_factors.tolist() == [1e-3, np.pi / 30]
+
+
+@pytest.mark.parametrize(
+    ("position", "words"),
+    [
+        ("deg,mm", "slides: expected m or mm, got 'deg'"),
+        ("rad,deg", "slides: expected m or mm, got 'rad'"),
+        ("mm,rad,rad", "one for each of 2 joints"),
+        ("mm,grad", "position: expected one of .* got 'grad'"),
+        ("deg", "or one for each: --units position=mm,deg$"),
+    ],
+)
+def test_wrong_units_of_joints_are_told(position: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        joint_columns(slide_and_turn(), short_log(), units=OF_EACH | {"position": position})
+
+
+def drives_file(folder: Path, ratio: float = 1.0, unit: str = "deg", own: str = "") -> Drives:
+    joints = [joint.name for joint in slide_and_turn().primary_joints]
+    motors = [f'{{ position = "p.{j}", torque = "applied.{j}"{own * (j == joints[0])} }}' for j in joints]
+    lines = [
+        'schema = "adaptctl/drives/1"',
+        f"joints = {joints}",
+        f"transmission = [[{ratio}, 0], [0, 1]]",
+        f'units = {{ time = "s", position = "{unit}", torque = "N m" }}',
+        f"motors = [{', '.join(motors)}]",
+    ]
+    (folder / "drives.toml").write_text("\n".join(lines))
+    return read_drives(folder / "drives.toml")
+
+
+def test_a_motor_may_have_a_unit_of_its_own(tmp_path: Path) -> None:
+    drives = drives_file(tmp_path, own=', position_unit = "mm"')
+    assert drives.position_factors.tolist() == [1e-3, np.pi / 180]
+    validate_drives(short_log(), drives, slide_and_turn())
+    validate_drives(short_log(), drives_file(tmp_path, ratio=1200.0), slide_and_turn())  # a spindle
+    with pytest.raises(FileError, match=r"motors\[0\].position_unit: .*got 'grad'"):
+        drives_file(tmp_path, own=', position_unit = "grad"')
+
+
+@pytest.mark.parametrize(("unit", "words"), [("deg", "slides: .*'deg'.*position_unit"), ("mm", "turns: .*'mm'")])
+def test_units_of_a_file_fit_the_joints(tmp_path: Path, unit: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        validate_drives(short_log(), drives_file(tmp_path, unit=unit), slide_and_turn())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from adaptctl.errors import InputError
@@ -44,18 +44,40 @@ class Units:
         )
 
 
-def validate_fitting(symbols: Mapping[str, str], turns: Mapping[str, bool]) -> None:
-    """Raise `InputError` for a unit of angle on a joint that slides, or of length on one that turns."""
-    for what, symbol in symbols.items():
-        for joint, turning in turns.items():
+def each_joint(what: str, symbol: str, joints: Sequence[str]) -> list[str]:
+    """Units of a column of each joint: one for all, or a list with commas; `InputError` for another number."""
+    symbols = [part.strip() for part in symbol.split(",")]
+    if len(symbols) not in (1, len(joints)):
+        raise InputError(
+            f"unit of {what}: expected one, or one for each of {len(joints)} joints ({', '.join(joints)}), "
+            f"got {len(symbols)}: {symbol}"
+        )
+    return symbols if len(symbols) > 1 else symbols * len(joints)
+
+
+def usual_units(turns: Mapping[str, bool]) -> str:
+    """Example of a list of units of positions."""
+    return ",".join("deg" if turning else "mm" for turning in turns.values())
+
+
+def validate_fitting(symbols: Mapping[str, Sequence[str]], turns: Mapping[str, bool], remedy: str = "") -> None:
+    """Raise `InputError` for a joint's unit that is an angle where it slides, or a length where it turns."""
+    for what, each in symbols.items():
+        for symbol, (joint, turning) in zip(each, turns.items(), strict=True):
             own, others = (TURNING, SLIDING) if turning else (SLIDING, TURNING)
             whole = spaced(symbol).partition("/")[0] if what == "position" else spaced(symbol)
             foreign = whole in others.get(what, ())
-            if foreign and (whole != others[what][0] or all(turns.values())):
+            if foreign and (whole != others[what][0] or all(turns.values()) or len(set(each)) > 1):
                 *first, last = own[what]
                 expected = f"{', '.join(first)} or {last}" if first else last
                 kind = "turns" if turning else "slides"
-                raise InputError(f"unit of {what}: joint {joint!r} {kind}: expected {expected}, got {symbol!r}")
+                mixed = remedy if len(set(turns.values())) > 1 else ""
+                raise InputError(f"unit of {what}: joint {joint!r} {kind}: expected {expected}, got {symbol!r}{mixed}")
+
+
+def factor(what: str, symbol: str) -> float:
+    """Factor to SI units of a position's or velocity's unit by its symbol; `InputError` for an unknown one."""
+    return _factor(what, spaced(symbol), POSITION) if what == "position" else _factor(what, symbol, VELOCITY)
 
 
 def _factor(what: str, symbol: str, known: dict[str, float], others: tuple[str, ...] = ()) -> float:

@@ -12,7 +12,7 @@ from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import FileError, InputError, shown
 from adaptctl.identification.column_names import column_name, joint_names
-from adaptctl.identification.column_units import Units, validate_fitting
+from adaptctl.identification.column_units import Units, each_joint, usual_units, validate_fitting
 from adaptctl.identification.complete_rows import complete_rows
 from adaptctl.identification.drives_content import MotorEntry
 from adaptctl.identification.drives_file import Drives, locking
@@ -61,7 +61,7 @@ def joint_log(log: LogTable, drives: Drives, sample_rate: float | None = None) -
     return JointLog(
         log.source,
         time,
-        _of_joints(lambda values: drives.position(values * drives.units.position), position),
+        _of_joints(lambda values: drives.position(values * drives.position_factors), position),
         _of_joints(lambda values: drives.torque(values * (drives.units.torque or 1.0) * constants), torque),
         _velocity(log, drives),
         tuple(f"{log.source}: {note}" for note in log.notes),
@@ -82,16 +82,17 @@ def _of_joints(compute: Callable[[Array], Array], columns: Sequence[Array]) -> A
 def _used(drives: Drives) -> list[str]:
     """Names of the columns that are read besides time."""
     given = [name for motor in drives.motors for name in (motor.position, motor.torque)]
-    return given + [motor.velocity for motor in drives.motors if motor.velocity and drives.units.velocity is not None]
+    return given + [
+        motor.velocity for motor in drives.motors if motor.velocity and not np.isnan(drives.velocity_factors).any()
+    ]
 
 
 def _velocity(log: LogTable, drives: Drives) -> Array | None:
     names = [m.velocity for m in drives.motors]
-    if drives.units.velocity is None or None in names:
+    if np.isnan(drives.velocity_factors).any() or None in names:
         return None
     columns = [log.column(name, f"velocity of {m.name}") for m, name in zip(drives.motors, names, strict=True) if name]
-    factor = drives.units.velocity
-    return _of_joints(lambda values: drives.velocity(values * factor), columns)
+    return _of_joints(lambda values: drives.velocity(values * drives.velocity_factors), columns)
 
 
 def _time(log: LogTable, drives: Drives, rate: float | None) -> Array:
@@ -128,7 +129,7 @@ def _jumps_by_turns(position: Array) -> bool:
 
 def _validate_counted(log: LogTable, drives: Drives, position: Sequence[Array]) -> None:
     """Refuse positions within one turn of a shaft that turns more often than its joint."""
-    jumps = np.array([_jumps_by_turns(own * drives.units.position) for own in position])
+    jumps = np.array([_jumps_by_turns(own * k) for own, k in zip(position, drives.position_factors, strict=True)])
     for i in np.flatnonzero(jumps & ((np.abs(drives.transmission) - np.eye(len(jumps))) != 0.0).any(axis=1)):
         motor, joint = drives.motors[i], drives.joints[i]
         raise FileError(
@@ -183,19 +184,23 @@ def joint_columns(
     timed = {"time": [time], **found} if stamped or "time" in given else found
     symbols = ({} if stamped else {"time": "s"}) | _units(log, timed, stated)
     validate_known(log, joints, given, timed, symbols)
+    each = {what: each_joint(what, symbol, joints) for what, symbol in symbols.items() if what != "time"}
     motors = tuple(
         MotorEntry(
             name=joint,
             position=found["position"][j],
             torque=found["torque"][j],
             velocity=found["velocity"][j] if "velocity" in found else None,
+            position_unit=each["position"][j] if len(set(each["position"])) > 1 else None,
+            velocity_unit=each["velocity"][j] if len(set(each.get("velocity", ()))) > 1 else None,
         )
         for j, joint in enumerate(joints)
     )
     r = len(joints)
     _validate_own(found, joints)
-    validate_fitting(symbols, {joint.name: joint.kind.is_revolute for joint in mechanism.primary_joints})
-    checked = _checked_units(log, symbols)
+    turns = {joint.name: joint.kind.is_revolute for joint in mechanism.primary_joints}
+    validate_fitting(each, turns, f"; or one for each: --units position={usual_units(turns)}")
+    checked = _checked_units(log, symbols["time"], each)
     return Drives(tuple(joints), np.eye(r), np.zeros(r), motors, time, checked)
 
 
@@ -251,8 +256,10 @@ def _validate_all_joints(log: LogTable, joints: list[str], given: dict[str, str]
 def _one_of(symbols: list[str], what: str, source: str) -> str:
     factors = {FACTORS[what].get(spaced(symbol), symbol) for symbol in symbols}
     if len(factors) > 1:
+        more = f", or give one for each joint: --units {what}=..,.." if what in ("position", "velocity") else ""
+        given = ", ".join(symbols)
         raise InputError(
-            f"{source}: the columns of {what} have different units ({', '.join(symbols)}); convert them to SI units"
+            f"{source}: the columns of {what} have different units ({given}); convert them to SI units{more}"
         )
     return symbols[0]
 
@@ -277,12 +284,18 @@ def _units(log: LogTable, names: Mapping[str, list[str]], stated: dict[str, str]
     return units
 
 
-def _checked_units(log: LogTable, units: dict[str, str]) -> Units:
-    """Units of their symbols."""
-    checked = Units.checked(units["time"], units["position"], units["torque"], units.get("velocity"))
+def _checked_units(log: LogTable, time: str, each: Mapping[str, Sequence[str]]) -> Units:
+    """Units of their symbols: those of the first joint, where all are known."""
+    torque = _one_of(list(each["torque"]), "torque", log.source)
+    pairs = zip(each["position"], _velocities(each), strict=True)
+    checked, *_ = [Units.checked(time, position, torque, velocity) for position, velocity in pairs]
     if checked.torque is None:
         raise InputError(
-            f"{log.source}: torques in {units['torque']} need torque constants; give a drives file, which "
+            f"{log.source}: torques in {torque} need torque constants; give a drives file, which "
             "--template FILE writes, with torque_constant for every motor, or 'unknown'"
         )
     return checked
+
+
+def _velocities(each: Mapping[str, Sequence[str]]) -> Sequence[str | None]:
+    return each.get("velocity") or [None] * len(each["position"])

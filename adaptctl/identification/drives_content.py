@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Literal
 
 import msgspec
 import numpy as np
+from msgspec import structs
 
 from adaptctl.arrays import Array
 from adaptctl.description.readers.entries import MAX_ENTRIES, Name, Tensor, Triple
@@ -27,7 +28,7 @@ class MotorEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     """
     Motor in a drives file: its columns in a log, and its torque constant in N m (N) for a unit of its column.
 
-    In a file, a motor without a name has that of its joint.
+    In a file, a motor without a name has that of its joint, and without units those of all.
     """
 
     name: str = ""
@@ -35,6 +36,8 @@ class MotorEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     torque: Annotated[Name, _like("'m1_torque'")]
     velocity: Name | None = None
     torque_constant: float | Literal["unknown"] | None = None
+    position_unit: str | None = None
+    velocity_unit: str | None = None
 
 
 class UnitsEntry(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
@@ -94,7 +97,10 @@ def wrong_drives(content: DrivesFile) -> Iterator[str]:
     else:
         names = [motor.name or joint for motor, joint in zip(content.motors, content.joints, strict=True)]
         yield from wrong_turning(np.array(content.transmission), content.joints, names, "$.transmission")
-    yield from _wrong_units(content.units)
+    yield from _wrong_units(structs.asdict(content.units), "$.units.")
+    for i, motor in enumerate(content.motors):
+        own = {"position": motor.position_unit, "velocity": motor.velocity_unit}
+        yield from _wrong_units(own, f"$.motors[{i}].", "_unit")
     yield from _wrong_constants(content)
     yield from _wrong_offsets(content, r)
 
@@ -114,14 +120,14 @@ def joint_offsets(content: DrivesFile) -> Sequence[float] | None:
     return content.joint_offsets if degrees is None else np.radians(degrees).tolist()
 
 
-def _wrong_units(units: UnitsEntry) -> Iterator[str]:
+def _wrong_units(given: Mapping[str, str | None], before: str, after: str = "") -> Iterator[str]:
     good = {"time": "s", "position": "rad", "torque": "N m"}
-    for what in ("time", "position", "torque", "velocity"):
-        if (symbol := getattr(units, what)) is not None:
+    for what, symbol in given.items():
+        if symbol is not None:
             try:
                 Units.checked(**good | {what: symbol})
             except InputError as error:
-                yield f"$.units.{what}: {error}"
+                yield f"{before}{what}{after}: {error}"
 
 
 def _wrong_constants(content: DrivesFile) -> Iterator[str]:

@@ -18,11 +18,12 @@ from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import FileError, InputError
 from adaptctl.files import read_text, read_toml, with_line
-from adaptctl.identification.column_units import Units
+from adaptctl.identification.column_units import Units, factor
 from adaptctl.identification.drives_content import (
     DrivesFile,
     MotorEntry,
     PayloadEntry,
+    UnitsEntry,
     joint_offsets,
     wrong_drives,
     wrong_turning,
@@ -204,6 +205,19 @@ class Drives:
         given = (motor.torque_constant for motor in self.motors)
         return np.array([math.nan if k == "unknown" else 1.0 if k is None else float(k) for k in given])
 
+    @cached_property
+    def position_factors(self) -> Array:
+        """Factors (r,) that convert each motor's positions to rad (m)."""
+        own = [motor.position_unit for motor in self.motors]
+        return np.array([self.units.position if unit is None else factor("position", unit) for unit in own])
+
+    @cached_property
+    def velocity_factors(self) -> Array:
+        """Factors (r,) that convert each motor's velocities to rad/s (m/s); NaN where the unit is unknown."""
+        general = math.nan if self.units.velocity is None else self.units.velocity
+        own = [motor.velocity_unit for motor in self.motors]
+        return np.array([general if unit is None else factor("velocity", unit) for unit in own])
+
     def ordered_like(self, mechanism: Mechanism) -> Drives:
         """
         Return the drives in the order of a mechanism's joints.
@@ -344,9 +358,15 @@ def read_drives(path: str | Path) -> Drives:
         tuple(content.joints),
         np.array(content.transmission),
         np.zeros(r) if (offsets := joint_offsets(content)) is None else np.array(offsets),
-        tuple(replace(motor, name=motor.name or joint) for motor, joint in pairs),
+        tuple(_completed(motor, joint, units) for motor, joint in pairs),
         content.time,
         Units.checked(units.time, units.position, units.torque, units.velocity),
         tuple(content.payloads),
         content.source.strip(),
     )
+
+
+def _completed(motor: MotorEntry, joint: str, units: UnitsEntry) -> MotorEntry:
+    """Motor with a name and units."""
+    position, velocity = motor.position_unit or units.position, motor.velocity_unit or units.velocity
+    return replace(motor, name=motor.name or joint, position_unit=position, velocity_unit=velocity)

@@ -81,10 +81,11 @@ def _both(rows: HypothesisRows, moved: Array, mixed: Array) -> NormalEquations:
 
 def _units(rows: HypothesisRows) -> Iterator[Hypothesis]:
     """Angles in rad that were stated in deg, and in deg stated in rad."""
-    turns = [joint.kind.is_revolute for joint in rows.evidence.mechanism.primary_joints]
+    turns = np.array([joint.kind.is_revolute for joint in rows.evidence.mechanism.primary_joints])
     others = {POSITION["deg"]: ("rad", "deg"), POSITION["rad"]: ("deg", "rad")}
-    own = rows.evidence.drives.units.position
-    if own in others and any(turns):
+    stated_units = set(rows.evidence.drives.position_factors[turns].tolist())
+    own = stated_units.pop() if len(stated_units) == 1 else None
+    if own in others:
         meant, stated = others[own]
         change = np.diag(np.where(turns, POSITION[meant] / own, 1.0))
         words, remedy = f"positions are in {meant}, not {stated}", f"give position={meant} as their unit"

@@ -20,6 +20,7 @@ from adaptctl.identification.column_names import (
     offer,
     words_of,
 )
+from adaptctl.identification.column_units import validate_fitting
 from adaptctl.identification.drives_file import Drives
 from adaptctl.logs.table import LogTable
 
@@ -151,12 +152,24 @@ def validate_drives(log: LogTable, drives: Drives, mechanism: Mechanism) -> None
     given = [name for motor in drives.motors for name in (motor.position, motor.torque)]
     absent = [name for name in dict.fromkeys(given) if name not in log.columns]
     try:
-        drives.ordered_like(mechanism)
+        _validate_units(drives.ordered_like(mechanism), mechanism)
     except InputError as error:
         if not absent:
             raise
         told = f"{log.source}: no columns {', '.join(map(repr, absent))}; columns: {log.listed(MANY)}"
         raise InputError(f"{error}; {told}") from error
+
+
+def _validate_units(drives: Drives, mechanism: Mechanism) -> None:
+    """Refuse units of a motor's position that its joint cannot have; those behind gears may have any."""
+    joints = mechanism.primary_joints
+    direct = [i for i, ratio in enumerate(np.diag(drives.transmission)) if abs(ratio) == 1.0]
+    turns = {joints[i].name: joints[i].kind.is_revolute for i in direct}
+    remedy = "; give each motor its own position_unit and velocity_unit, or its ratio in transmission"
+    for what in ("position", "velocity"):
+        symbols = [getattr(drives.motors[i], f"{what}_unit") for i in direct]
+        if None not in symbols:
+            validate_fitting({what: symbols}, turns, remedy)
 
 
 def unused_joints(log: LogTable, drives: Drives, mechanism: Mechanism) -> list[str]:
