@@ -7,9 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from driven_robots import ARM, RecordedRobot
+from test_drive import CENTER, LAW, PERIOD, REFERENCE
 
+import adaptctl
 from adaptctl.cli.main import main
 from adaptctl.hardware import MuJoCoRobot
+from adaptctl.hardware.loop import DriveLoop
 from adaptctl.simulation.simulate_many import _Runs
 
 
@@ -30,3 +34,41 @@ def test_ctrl_c_in_a_verification_is_no_verdict_and_moves_nothing(
     assert (code, moved) == (130, [])
     assert "fail" not in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+class Pressed(RecordedRobot):
+    """Robot at which Ctrl-C is pressed in some calls of `write`, and in each of `stop`."""
+
+    pressed: tuple[int, ...] = ()
+    stops = 0
+
+    def write(self, torque: Any) -> None:
+        super().write(torque)
+        if self.tick in self.pressed:
+            signal.raise_signal(signal.SIGINT)
+
+    def stop(self) -> None:
+        signal.raise_signal(signal.SIGINT)
+        self.stops += 1
+        super().stop()
+
+
+def test_ctrl_c_before_the_first_torque_moves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = Pressed(ARM, PERIOD, CENTER)
+    monkeypatch.setattr(DriveLoop, "_described", lambda loop, state: signal.raise_signal(signal.SIGINT) or state)
+    with pytest.raises(KeyboardInterrupt) as stop:
+        adaptctl.drive(robot, LAW, REFERENCE, 3.0)
+    assert stop.value.args == ()
+    assert not hasattr(robot, "sent")
+
+
+def test_what_was_recorded_outlives_a_second_ctrl_c(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    robot = Pressed(ARM, PERIOD, CENTER)
+    robot.pressed = (50, 60)
+    with pytest.raises(KeyboardInterrupt) as stop:
+        adaptctl.drive(robot, LAW, REFERENCE, 3.0, tmp_path / "run.parquet")
+    (run,) = stop.value.args
+    assert (run.by_robot, robot.stops, robot.tick) == (True, 1, 60)
+    assert "twice" in run.stopped
+    assert capfd.readouterr().err.count("stopping") == 1
+    assert adaptctl.Rollout.load(tmp_path / "run.parquet").interrupted

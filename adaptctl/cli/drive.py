@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from adaptctl.cli.interruption import Interruption, interruptible
 from adaptctl.cli.output import Folder, Overwrite, WrappedTable, print_parts, titled, words
 from adaptctl.cli.robot import AS_USUAL, RobotFlags, validate_posture
 from adaptctl.errors import InputError
@@ -87,21 +88,21 @@ def drive(
     """
     from adaptctl.folders import replacing_folder
 
-    interrupted = False
-    with replacing_folder(out, overwrite) as folder, ExitStack() as shown:
+    with interruptible() as interruption, replacing_folder(out, overwrite) as folder, ExitStack() as shown:
         arm = reading.load(robot)
         found = connected(vendor, address, arm, any_kernel, start)
         arm = _geared(arm, found, rotors)
         try:
             view = _view(arm, shown) if live else None
-            run = _driven(found, arm, (duration, amplitude), folder, view, on_touch, address)
+            run = _driven(found, arm, (duration, amplitude), folder, view, on_touch, address, interruption)
         except KeyboardInterrupt as stop:
             if not stop.args:
                 raise
-            interrupted, (run,) = True, stop.args
+            interruption.asked, (run,) = True, stop.args
+        interruption.hold()
         _write(folder, run, arm)
     print_parts(_report(run, arm, out))
-    if interrupted:
+    if interruption.asked:
         raise KeyboardInterrupt
     return FAILED if run.stopped else DONE
 
@@ -144,7 +145,7 @@ def connected(
 
 def _driven(
     robot: TorqueRobot, arm: Mechanism, motion: tuple[float, float], folder: Path, live: Any, on_touch: OnTouch,
-    address: str,
+    address: str, interruption: Interruption,
 ) -> DrivenRun:  # fmt: skip
     from adaptctl.arrays import positive_number
     from adaptctl.control import with_external_torque
@@ -165,6 +166,8 @@ def _driven(
     controller = ready_controller(arm, robot.period, reference, getattr(robot, "tool", None), periods_late(robot))
     if on_touch != "ignore":
         controller = with_external_torque(controller, cutoff=min(FAST, 0.5 / robot.period))
+    if interruption.asked:  # and lost
+        raise KeyboardInterrupt
     return drive(robot, controller, reference, duration, folder / "run.parquet", live=live, on_touch=on_touch)
 
 

@@ -104,7 +104,8 @@ def drive(
     SingularityError
         If the loops come near a singularity at the start or along the reference. No torque was sent then.
     KeyboardInterrupt
-        After the planned stop, if Ctrl-C was pressed; its argument is the run. A second Ctrl-C is the robot's own stop.
+        If Ctrl-C was pressed: before the first torque, or after the planned stop, with the run as argument. A second
+        Ctrl-C is the robot's own stop.
 
     Notes
     -----

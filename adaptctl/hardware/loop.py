@@ -19,7 +19,7 @@ from adaptctl.errors import NonFiniteError
 from adaptctl.hardware.acceleration import PossibleAcceleration
 from adaptctl.hardware.compensation import Compensation
 from adaptctl.hardware.gravity import GravityTorque
-from adaptctl.hardware.interruptions import interruptions
+from adaptctl.hardware.interruptions import ignore_interruptions, interruptions, tell_of_stop
 from adaptctl.hardware.measurements import Measurements
 from adaptctl.hardware.resting import StoppingDistance
 from adaptctl.hardware.robot import HardwareLimits, RobotReading
@@ -79,6 +79,7 @@ class DriveLoop:
         self.time, self.blind, self.good, self._logged = 0.0, 0, 0.0, -1.0
         self.stop: PlannedStop | None = None
         self.stopped, self.by_robot, self.interrupted, self.ended = "", False, False, False
+        self.moves = False
         self.peak_rate, self.peak_speed_share, self.first_error = 0.0, 0.0, 0.0
 
     def run(self, now: RobotReading, own: Array, held: Array) -> None:
@@ -88,6 +89,12 @@ class DriveLoop:
                 self._start(now, own, held)
                 while not self.ended:
                     self._tick()
+            except KeyboardInterrupt:
+                if not self.moves:
+                    raise
+                ignore_interruptions()
+                self._robot_stops("Ctrl-C was pressed twice" if self.interrupted else "the program was told to end")
+                self.interrupted = True
             except BaseException:  # whatever it was, the arm must not go on with its last torque
                 self._robot_stops("an error in the program")
                 raise
@@ -102,6 +109,9 @@ class DriveLoop:
         self.learned, self._first_estimate = self.state, self._estimate
         self.proven, self._began, self.start_p = self._described(self.state), now.time, now.p
         self._holds = braked and not self.robot.compensates_gravity  # which else has a payload that may sink
+        if self.interrupted:
+            raise KeyboardInterrupt
+        self.moves = True
         getattr(self.robot, "start", _nothing)(self.guard.torque)
 
     def _tick(self) -> None:
@@ -324,11 +334,14 @@ class DriveLoop:
     def _robot_stops(self, reason: str) -> None:
         """Ask for the robot's own stop, once."""
         if not self.by_robot:
-            self.stopped, self.by_robot, self.ended = f"by the robot: {reason}", True, True
+            self.stopped, self.ended = f"by the robot: {reason}", True
             self.robot.stop()
+            self.by_robot = True  # not before: an interruption in between asks for the stop again
 
     def _interrupt(self) -> None:
         self.interrupted = True
+        if self.moves:
+            tell_of_stop()
 
 
 def _risen(u: float) -> float:
