@@ -114,8 +114,8 @@ def test_a_time_of_another_name_is_offered(column: str, pair: str, arm: Mechanis
         ("time,p.joint1,p.joint2,torque.joint1,torque.joint2", "position=p.joint{} torque=torque.joint{}"),
         ("t,q1 [deg],q2 [deg],M1 [Nm],M2 [Nm]", "'position=q{} [deg]' 'torque=M{} [Nm]'"),
         ("t,q0,q1,tau0,tau1", "position=q{0} torque=tau{0}"),
-        ("t,power1,power2,pos_shoulder,pos_elbow,i1,i2", "position=pos_{joint} torque=Torque{}"),
-        ("t,q1,Torque10,Torque20", "position=Position{} torque=Torque{}0"),
+        ("t,power1,power2,pos_shoulder,pos_elbow,i1,i2", "position=pos_{joint} torque=NAMES"),
+        ("t,q1,Torque10,Torque20", "position=NAMES torque=Torque{}0"),
         (
             "__time,/arm/j1/position,/arm/j2/position,/arm/j1/effort,/arm/j2/effort",
             "position=/arm/j{}/position torque=/arm/j{}/effort",
@@ -157,6 +157,31 @@ def test_a_drives_file_to_edit_is_written(arm: Mechanism, tmp_path: Path, capsys
         ("shoulder", "m1_pos", "m1_cur"),
         ("elbow", "m2_pos", "m2_cur"),
     ]
+
+
+NAMELESS = "uptime_ms,Schulter_grad,Ellbogen_grad,I_a,I_b\n0,1,2,3,4\n4,1,2,3,4\n"
+
+
+def test_what_no_name_tells_is_not_made_up(arm: Mechanism, tmp_path: Path) -> None:
+    """Neither columns nor units: a file with what is to be replaced is refused until it is."""
+    log, file = tmp_path / "log.csv", tmp_path / "drives.toml"
+    log.write_text(NAMELESS)
+    with pytest.raises(InputError, match="no names are recognised as position or torque: in place of NAMES") as error:
+        adaptctl.identify(log, arm)
+    assert "position=NAMES torque=NAMES --units time=ms position=UNIT torque=UNIT" in str(error.value)
+    assert main(["identify", str(log), "--robot", "two_link", "--template", str(file)]) == 0
+    with pytest.raises(FileError, match="got 'UNIT'"):
+        read_drives(file)
+
+
+def test_units_are_those_that_names_end_with(arm: Mechanism, tmp_path: Path) -> None:
+    log, file = tmp_path / "log.csv", tmp_path / "drives.toml"
+    log.write_text("t_ms,pos_shoulder_mm,pos_elbow_mm,cur_shoulder_A,cur_elbow_A\n0,1,2,3,4\n4,1,2,3,4\n")
+    assert main(["identify", str(log), "--robot", "two_link", "--template", str(file)]) == 0
+    assert read_drives(file).units == Units(1e-3, 1e-3, None)
+    log.write_text("t_ms,Hub_mm,Arm_grad,I_a,I_b\n0,1,2,3,4\n4,1,2,3,4\n")
+    with pytest.raises(InputError, match="position=mm,deg"):
+        adaptctl.identify(log, arm, columns={"position": "Hub_mm,Arm_grad"})
 
 
 def test_all_columns_are_told_or_how_many_there_are(arm: Mechanism, tmp_path: Path) -> None:

@@ -21,6 +21,8 @@ CURRENTS = ("current", "currents", "cur", "amps", "ampere")
 """words in names of what is only proportional to a torque"""
 WANTED = ("target", "desired", "reference", "ref", "command", "commanded", "cmd")
 """words in names of what was asked for, not measured"""
+NAMES, UNIT_TO_GIVE = "NAMES", "UNIT"
+"""what stands where names of columns tell neither which are meant nor their unit"""
 WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
 UNIT = re.compile(r"[\[(][^\d\])]*[\])]")
 
@@ -62,7 +64,7 @@ def _listed(part: str, log: LogTable) -> Iterator[str]:
 
 
 def likely_pair(what: str, joints: list[str], log: LogTable) -> str:
-    """Word of --columns for positions or torques, by a pattern that the log has columns of, else by an invented one."""
+    """Word of --columns for positions or torques, by a pattern that the log has columns of, else NAMES to replace."""
     found = (
         pattern
         for name in _likely(what, log)
@@ -70,7 +72,7 @@ def likely_pair(what: str, joints: list[str], log: LogTable) -> str:
         if text in name and (pattern := mark.join(name.rsplit(text, 1)))
         if all(other in log.columns for other in joint_names(pattern, joints, log))
     )
-    return as_word(f"{what}={next(found, f'{what.capitalize()}{{}}')}")
+    return as_word(f"{what}={next(found, NAMES)}")
 
 
 def likely_time(log: LogTable) -> str:

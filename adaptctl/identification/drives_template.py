@@ -7,7 +7,7 @@ from shlex import split
 from adaptctl.dynamics import Mechanism
 from adaptctl.files import toml_string
 from adaptctl.identification.column_names import joint_names, likely_pair, likely_time
-from adaptctl.identification.unknown_columns import likely_unit
+from adaptctl.identification.unknown_columns import likely_unit, named_unit
 from adaptctl.logs.table import LogTable
 from adaptctl.logs.units import OTHER_TORQUE
 
@@ -27,6 +27,7 @@ transmission = [
 # Positions of the joints where the motors are at zero:
 # joint_offsets_deg = [{zeros}]
 # torque_constant: N m per unit of the torque's column, or "unknown"; left out where the column is a torque.
+# position_unit: of the motor's own position, where it is not that of all, such as "mm" of a joint that slides.
 motors = [
 {motors}
 ]
@@ -41,9 +42,11 @@ def drives_template(mechanism: Mechanism, log: LogTable) -> str:
     time = time if time in log.columns else UNKNOWN
     units = {what: likely_unit(what, names, log) for what, names in ({"time": [time]} | found).items()}
     constant = ', torque_constant = "unknown"' if units["torque"] in OTHER_TORQUE else ""
+    own = [named_unit("position", name) for name in found["position"]]
+    unit = [f", position_unit = {toml_string(u)}" if u and u != units["position"] else "" for u in own]
     entries = [
-        f"    {{ position = {toml_string(p)}, torque = {toml_string(t)}{constant} }},  # {joint}"
-        for joint, p, t in zip(joints, found["position"], found["torque"], strict=True)
+        f"    {{ position = {toml_string(p)}, torque = {toml_string(t)}{constant}{unit[i]} }},  # {joint}"
+        for i, (joint, p, t) in enumerate(zip(joints, found["position"], found["torque"], strict=True))
     ]
     rows = [f"    [{', '.join('1' if i == j else '0' for j in range(len(joints)))}]," for i in range(len(joints))]
     return HEAD.format(

@@ -13,6 +13,8 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identification.column_names import (
     CURRENTS,
+    NAMES,
+    UNIT_TO_GIVE,
     as_word,
     joint_names,
     likely_pair,
@@ -26,8 +28,8 @@ from adaptctl.logs.table import LogTable
 
 MARKS = "({}: number of the joint from 1, {0}: from 0, {joint}: its name)"
 NAMED_UNITS = {
-    **{unit: unit for unit in ("ms", "us", "ns", "deg", "rpm")},
-    **{"degrees": "deg", "nm": "N m", "mnm": "mN m"},
+    **{unit: unit for unit in ("ms", "us", "ns", "deg", "rpm", "rad", "mm")},
+    **{"degrees": "deg", "grad": "deg", "nm": "N m", "mnm": "mN m", "ma": "mA", "amp": "A", "amps": "A"},
 }
 """units that the last word of a column's name may be"""
 SI = {"time": "s", "position": "rad", "torque": "N m", "velocity": "rad/s"}
@@ -85,7 +87,7 @@ def validate_known(
         flags = _all_flags(log, joints, given, named, symbols, [*absent, *unknown])
         raise InputError(
             f"{log.source}: {'; '.join(problem for problem, _ in found)}; as far as names tell: {flags} "
-            f"{MARKS}, {DRIVES}; {_there(log, joints)}"
+            f"{_marks(flags)}, {DRIVES}; {_there(log, joints)}"
         )
 
 
@@ -101,7 +103,14 @@ def _there(log: LogTable, joints: list[str]) -> str:
 
 def _columns_remedy(log: LogTable, joints: list[str], unknown: list[str]) -> str:
     pairs = " ".join(likely_pair(what, joints, log) for what in unknown)
-    return f"specify them with --columns, such as {pairs} {MARKS}, {DRIVES}; {_there(log, joints)}"
+    return f"specify them with --columns, such as {pairs} {_marks(pairs)}, {DRIVES}; {_there(log, joints)}"
+
+
+def _marks(text: str) -> str:
+    """Words on what stands for the joints in a text, and on columns that no name tells."""
+    kinds = [what for what in ("position", "torque") if f"{what}={NAMES}" in text]
+    told = f"(no names are recognised as {' or '.join(kinds)}: in place of {NAMES}, one for each joint, with commas; "
+    return MARKS.replace("(", told, 1) if kinds else MARKS
 
 
 def _all_flags(
@@ -126,16 +135,30 @@ def _all_flags(
 
 def _units_flag(log: LogTable, named: Mapping[str, list[str]], symbols: Mapping[str, str] | None = None) -> str:
     """Units that were stated, and likely ones."""
-    units = {what: (symbols or {}).get(what) or likely_unit(what, names, log) for what, names in named.items()}
+    units = {what: (symbols or {}).get(what) or _likely_units(what, names, log) for what, names in named.items()}
     return f"--units {' '.join(as_word(f'{what}={units[what]}') for what in SI if what in units)}"
 
 
+def _likely_units(what: str, names: list[str], log: LogTable) -> str:
+    """Unit of the columns of all joints, or a list of each."""
+    each = [named_unit(what, name) for name in names if name in log.columns]
+    is_list = what in ("position", "velocity") and len(set(each)) > 1 and "" not in each
+    return ",".join(each) if is_list else likely_unit(what, names, log)
+
+
+def named_unit(what: str, name: str) -> str:
+    """Unit that a column's name ends with, else nothing."""
+    last = re.split(r"[\W_]+", name.rstrip("])"))[-1]
+    return "A" if what == "torque" and last == "A" else NAMED_UNITS.get(last.lower(), "")
+
+
 def likely_unit(what: str, names: list[str], log: LogTable) -> str:
-    """Unit that a column's name ends with, else by the size of its numbers, else that of SI."""
+    """Unit that a column's name ends with, else by the size of its numbers, else that of SI; none of no column."""
     name = names[0] if names else ""
-    last = re.split(r"[\W_]+", name.rstrip("])"))[-1].lower()
-    if last in NAMED_UNITS:
-        return NAMED_UNITS[last]
+    if what != "time" and name not in log.columns:
+        return UNIT_TO_GIVE
+    if own := named_unit(what, name):
+        return own
     if what == "torque" and any(word in CURRENTS for word in words_of(name)):
         return "A"
     values = log.columns.get(name)
