@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from types import NoneType
 from typing import Annotated, Any, Literal, get_args, get_origin
 
@@ -23,6 +23,11 @@ KINDS = {
     "null": "nothing",
 }
 """of msgspec's names of types"""
+FILES = {
+    **dict.fromkeys(("mechanism", "denavit-hartenberg"), "a robot file"),
+    **{"drives": "a drives file", "study": "a study of a sweep", "contest": "a contest", "priority": "a priority"},
+}
+"""kinds of files by their schemas"""
 _TYPES = re.compile(rf"`((?:{'|'.join(KINDS)})(?: \| (?:{'|'.join(KINDS)}))*)`")
 
 
@@ -107,7 +112,18 @@ def _remedy(kind: Any, message: str) -> str:
     choices = [repr(value) for one in kinds for value in getattr(one, "values", ())]
     numbers = ["a number"] if any(isinstance(one, msgspec.inspect.FloatType) for one in kinds) else []
     listed = ", ".join([*choices, *numbers])
-    return f"; expected one of {listed}" + (earlier_schema(message, choices[0].strip("'")) if choices else "")
+    first = choices[0].strip("'") if choices else ""
+    return f"; expected one of {listed}{_other_kind(message, choices)}" + (
+        earlier_schema(message, first) if first else ""
+    )
+
+
+def _other_kind(message: str, choices: Sequence[str]) -> str:
+    """Words on a file of a kind that another argument takes."""
+    own = re.search(r"'adaptctl/([a-z-]+)/\d", message)
+    told = FILES.get(own[1], "") if own else ""
+    is_expected = own is not None and any(f"adaptctl/{own[1]}/" in choice for choice in choices)
+    return f"; this is {told}" if told and not is_expected else ""
 
 
 def earlier_schema(told: str, expected: str) -> str:

@@ -266,8 +266,14 @@ def test_an_unknown_suffix_lists_those_that_are_read(tmp_path: Path) -> None:
 
 
 def test_a_file_or_folder_without_a_suffix(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match=r"the file name has no suffix; expected one of \.toml, \.urdf"):
+    with pytest.raises(FileError, match=r": is a folder; give a robot file \(\.toml, \.urdf"):
         read(tmp_path)
+    for name in ("arm.urdf", "arm"):
+        (tmp_path / name).write_text("")
+    with pytest.raises(FileError, match=r"is a folder; give a robot file, such as .*arm\.urdf \("):
+        read(tmp_path)
+    with pytest.raises(FileError, match=r"the file name has no suffix; expected one of \.toml, \.urdf"):
+        read(tmp_path / "arm")
 
 
 @pytest.mark.parametrize("name", ["arm.toml", "arm.urdf"])

@@ -11,6 +11,7 @@ import pytest
 
 import adaptctl
 from adaptctl.cli.main import main
+from adaptctl.contest.contest_file import Contest
 from adaptctl.control import Sinusoids, excitation_trajectory, sliding_variable
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import FileError, InputError, NotFoundError
@@ -213,3 +214,16 @@ def test_units_are_offered_by_names_and_sizes(
 def test_a_law_in_capitals_is_offered_in_small_letters() -> None:
     with pytest.raises(NotFoundError, match=r"unknown law 'Slotine-Li' \(did you mean 'slotine-li'\?\); laws: "):
         named_law("Slotine-Li", cast(Any, None), cast(Any, None))
+
+
+def test_files_of_other_kinds_are_told(arm: Mechanism, tmp_path: Path) -> None:
+    log, robot = tmp_path / "run" / "trace.parquet", tmp_path / "robot.toml"
+    log.parent.mkdir()
+    log.write_text("")
+    with pytest.raises(FileError, match=r"run: is a folder of results; its log is .*trace\.parquet$"):
+        adaptctl.identify(log.parent, arm)
+    robot.write_text('schema = "adaptctl/mechanism/1"\nname = "arm"\n')
+    with pytest.raises(FileError, match="expected one of 'adaptctl/drives/1'; this is a robot file"):
+        read_drives(robot)
+    with pytest.raises(InputError, match=r'mine\.py: expected a TOML file, .* laws = \[".*mine\.py:CLASS"\]'):
+        Contest.of(tmp_path / "mine.py")

@@ -76,6 +76,8 @@ class Contest:
     @classmethod
     def of(cls, path: Path) -> Contest:
         """Contest of a file; paths in it are relative to its folder."""
+        if Path(path).suffix == ".py":
+            raise InputError(f'{path}: expected a TOML file, which names this law: laws = ["{path}:CLASS"]')
         asked = read_toml(path, ContestFile)
         asked.laws = [_placed(law, path, is_own(law)) for law in asked.laws]
         asked.robots = [_placed(robot, path, "/" in robot or "." in robot) for robot in asked.robots]

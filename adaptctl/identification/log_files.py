@@ -17,6 +17,8 @@ from adaptctl.stages import stage
 TEXT_SUFFIXES = (".csv", ".tsv", ".txt")
 BAG_SUFFIXES = (".mcap", ".bag", ".db3")
 READERS = {".parquet": "parquet:read_parquet", ".rrd": "rerun_recording:read_rrd"}
+# Logs in folders of results.
+RUNS = ("trace.parquet", "run.parquet")
 # Mark between the files of one log, whose columns are joined.
 JOIN = "+"
 
@@ -43,6 +45,8 @@ def _read(path: str | Path, topic: str | None) -> LogTable:
         raise FileError(f"{path}: larger than the limit of {MAX_BYTES} bytes; split it into several logs")
     if place.is_dir() and (place / INFO).is_file():
         return read_isolated("lerobot:read_lerobot", path)
+    if runs := [str(place / name) for name in RUNS if (place / name).is_file()]:
+        raise FileError(f"{path}: is a folder of results; its log is {runs[0]}")
     if place.is_dir() or suffix in BAG_SUFFIXES:
         return _read_bag(path, topic)
     if suffix in READERS:

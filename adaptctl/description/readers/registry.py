@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Sequence
 from importlib import import_module
+from itertools import islice
 from pathlib import Path
 
 import msgspec
@@ -22,7 +23,7 @@ from adaptctl.errors import (
     shown,
     suggested_name,
 )
-from adaptctl.files import read_toml
+from adaptctl.files import MAX_LISTED, read_toml
 
 Reader = Callable[..., Description]
 
@@ -215,6 +216,8 @@ def _reader(source: str | Path) -> Reader:
     if path.suffix.lower() in READERS:
         return _imported(READERS[path.suffix.lower()])
     suffixes = ", ".join(READERS)
+    if str(source) and path.is_dir():
+        raise FileError(f"{source}: is a folder; give a robot file{_within(path)} ({suffixes})")
     if path.suffix:
         raise FileError(f"{source}: unknown file type {path.suffix!r}; known: {suffixes}")
     if str(source) and path.exists():
@@ -223,6 +226,12 @@ def _reader(source: str | Path) -> Reader:
     guess = f" (did you mean {files[0]!r}?)" if files else suggested_name(str(source).lower(), builtin_names())
     known = ", ".join(builtin_names())
     raise NotFoundError(f"unknown robot {str(source)!r}{guess}; built-in: {known}; or a path to a file: {suffixes}")
+
+
+def _within(folder: Path) -> str:
+    """Example of a file in a folder."""
+    files = sorted(str(path) for path in islice(folder.iterdir(), MAX_LISTED) if path.suffix.lower() in READERS)
+    return f", such as {files[0]}" if files else ""
 
 
 def _imported(reader: str) -> Reader:
