@@ -1,4 +1,4 @@
-"""Ctrl-C before an arm moves: no run that was cut off is judged, and the arm is not driven."""
+"""Ctrl-C ends a command: no run or search that was cut off is taken for a whole one, and no arm is driven."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ from test_drive import CENTER, LAW, PERIOD, REFERENCE
 
 import adaptctl
 from adaptctl.cli.main import main
+from adaptctl.control.excitation.excitation_trajectory import _Best
 from adaptctl.hardware import MuJoCoRobot
 from adaptctl.hardware.loop import DriveLoop
+from adaptctl.identification.robot_motion import RobotLimits, exciting_motion
 from adaptctl.simulation.simulate_many import _Runs
 
 
@@ -72,3 +74,9 @@ def test_what_was_recorded_outlives_a_second_ctrl_c(tmp_path: Path, capfd: pytes
     assert "twice" in run.stopped
     assert capfd.readouterr().err.count("stopping") == 1
     assert adaptctl.Rollout.load(tmp_path / "run.parquet").interrupted
+
+
+def test_a_search_that_was_cut_off_is_no_motion(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_Best, "iterated", lambda *_: signal.raise_signal(signal.SIGINT))
+    with pytest.raises(KeyboardInterrupt):
+        exciting_motion(ARM, RobotLimits.of(ARM, 1.0), harmonics=2, iterations=2)

@@ -275,6 +275,8 @@ def exciting_motion(
         If a number is out of range, a pose cannot be held or is not allowed, or no motion is found.
     RankError
         If the number of identifiable parameters cannot be certified.
+    KeyboardInterrupt
+        If Ctrl-C ended the search.
 
     Examples
     --------
@@ -307,6 +309,8 @@ def exciting_motion(
         iterations=iterations,
         seed=seed,
     )
+    if not found.complete:
+        raise KeyboardInterrupt
     motion = RobotMotion(found.reference, first, last, period, fade)
     return _slowed(_smaller(motion, allowed), mechanism, limits)
 
