@@ -145,6 +145,9 @@ def test_a_package_is_whole_and_says_what_it_is(name: str, tmp_path: Path) -> No
         assert joint.name in readme
         assert joint.name in header
     assert ("has no safety limits" in readme) is not isinstance(law, SafetyFilter)
+    assert ("`A_TORQUE_LIMITED`, `A_RATE_LIMITED`" in readme) is isinstance(law, SafetyFilter)
+    assert re.search("engage a brake, at `A_NOT_FINITE`.*(?<!LIMITED)`\\.", readme)
+    assert ("`a_set_estimate` after it" in readme) is (Interface(law).estimate is not None)
     for text in (path.read_text() for path in done.directory.iterdir()):
         assert "{{" not in text
         assert "{%" not in text

@@ -27,6 +27,8 @@ from adaptctl.version import __version__
 SPDX = "BSD-3-Clause"
 TOLERANCE: Mapping[Kind, float] = {"double": 1e-11, "float": 1e-3}
 """of test vectors, relative to the largest torque, for fused operations or single precision"""
+BRAKING = "damping within the torque limits, or 0 for a joint without a valid speed, damping and limit"
+"""words for the torque of a brake"""
 
 
 class CPackage:
@@ -132,9 +134,7 @@ class CPackage:
             "guarded": interface.guarded,
             "applied": interface.applied,
             "brake": interface.brake and self._brake(interface.brake),
-            "brake_text": "damping within the torque limits in force, 0 where these are no gains"
-            if interface.brake
-            else "zero",
+            "brake_text": BRAKING if interface.brake else "zero",
             "flags": list(map(_Mark, (f.name for f in fields[len(fields) - len(flags) :]), map(str.upper, flags))),
             "configurations": [fields[k] for k in self.start.configurations],
             "computed": [fields[k] for k in self.start.computed],

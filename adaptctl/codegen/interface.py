@@ -236,12 +236,21 @@ def validate_controller(controller: object) -> None:
         raise InputError(f"controller: {type(controller).__name__} has a custom step, which cannot be traced")
 
 
+ORDINARY = ("TORQUE_LIMITED", "RATE_LIMITED", "FROZEN", "BOUNDED", "RINGING")
+"""status bits with which the law goes on"""
+
+
 class StatusBit(NamedTuple):
     """Bit of the status of exported code: name, value and meaning."""
 
     name: str
     value: int
     meaning: str
+
+    @property
+    def is_ordinary(self) -> bool:
+        """True if the law goes on."""
+        return self.name in ORDINARY
 
 
 FAULTS = (
