@@ -180,7 +180,7 @@ class LogEvidence:
 
     @cached_property
     def _ends(self) -> dict[tuple[int, ...], _End]:
-        """Where the last fit on some blocks ended, and that on any by ()."""
+        """Ends of the last fits by their blocks, and of the last of all by ()."""
         return {}
 
     @cached_property

@@ -196,7 +196,7 @@ def warn_of_repeated(path: Any, names: Sequence[str], stacklevel: int = 3) -> No
 
 
 def zero_limits(lower: float | None, upper: float | None, velocity: float | None, effort: float | None) -> str:
-    """Those limits that are zero, in words; None for one that is not given."""
+    """Limits that are zero, in words; None stands for one that is not given."""
     is_empty = not lower and not upper and (lower, upper) != (None, None)
     most = [f"{name} 0" for name, value in (("velocity", velocity), ("effort", effort)) if value == 0.0]
     return ", ".join(["lower = upper = 0"] * is_empty + most)
