@@ -565,8 +565,8 @@ LISTED: tuple[Listed, ...] = (
     Listed(
         "velocities in the unit of positions",
         "adaptctl/identification/columns.py",
-        "* drives.units.velocity)",
-        "* drives.units.position)",
+        "values * drives.velocity_factors)",
+        "values * drives.position_factors)",
         ("tests/test_identification_by_hand.py::test_columns_are_taken_to_si_units_by_their_own_factors",),
     ),
     Listed(
@@ -829,8 +829,8 @@ LISTED: tuple[Listed, ...] = (
     Listed(
         "slides unwrapped like turns",
         "adaptctl/identification/preparation.py",
-        "angles = log.position[:, turns]",
-        "turns = turns | True; angles = log.position[:, turns]",
+        "return (unwrapped(own) if turn else own for own, turn in",
+        "return (unwrapped(own) for own, turn in",
         ("tests/test_identification_by_hand.py::test_turns_are_put_together_again_and_slides_are_left_where_they_are",),
     ),
     Listed(

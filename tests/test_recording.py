@@ -73,7 +73,7 @@ def test_a_result_says_how_a_comparison_ended_and_writes_it(tmp_path: Path) -> N
     whole, half = result_of(small), result_of(replace(small, complete=False))
     assert (whole.complete, half.complete) == (True, False)
     assert (whole.headline, half.headline) == (outcome_words(small), f"{INCOMPLETE}\n{outcome_words(small)}")
-    assert whole.facts == tuple(facts(small))
+    assert whole.facts == tuple(facts(small, by_joint=True))
     shares: list[float] = []
     whole.write(tmp_path, lambda what, share: shares.append(share))
     assert {path.name for path in tmp_path.iterdir()} >= FILES
