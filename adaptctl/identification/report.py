@@ -224,7 +224,7 @@ def _prediction(found: Identification, written: Sequence[WrittenRobot]) -> Secti
         f"On {validation.origin}, not used in any fit. Measured and predicted torques pass through the "
         f"same zero-phase filter, below {validation.cutoff:.3g} Hz, at all instants, standstill included. Predictions "
         f"are of the written robot, loaded again. A joint is predicted where its error is below {WELL:.0%} of its own "
-        f"torque, and roughly below {ROUGHLY:.0%}; from 100 % on it is not: no prediction at all were as good."
+        f"torque, and roughly below {ROUGHLY:.0%}; from 100 % on it is not, and predicting nothing would be as good."
     )
     torques = Drawing(
         "torques",
