@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -110,16 +109,12 @@ def drive(
 def _geared(arm: Mechanism, robot: TorqueRobot, rotors: str | None) -> Mechanism:
     """Arm with rotor inertias: published or guessed ones, or those that a simulated robot has."""
     from adaptctl.hardware import MuJoCoRobot, with_rotors
+    from adaptctl.hardware.rotors import having_rotors
 
     if rotors is not None or not isinstance(robot, MuJoCoRobot):
         return with_rotors(arm, rotors)
     simulated = [joint.drive.rotor_inertia or None for joint in robot.plant.mechanism.primary_joints]
-    own = dict(zip((joint.name for joint in arm.primary_joints), simulated, strict=False))
-    drives = [link.joint.drive for link in arm.links]
-    given = [own.get(link.joint.name) for link in arm.links]
-    return arm.with_drives(
-        [replace(d, rotor_inertia=x) if d.rotor_inertia is None else d for d, x in zip(drives, given, strict=True)]
-    )
+    return having_rotors(arm, dict(zip((joint.name for joint in arm.primary_joints), simulated, strict=False)))
 
 
 def connected(

@@ -102,9 +102,15 @@ def with_rotors(mechanism: Mechanism, profile: str | None = None) -> Mechanism:
             SimplificationWarning,
             stacklevel=2,
         )
-    joints = [link.joint for link in mechanism.links]
+    return having_rotors(mechanism, {name: inertias[name] for name in missing})
+
+
+def having_rotors(mechanism: Mechanism, inertias: Mapping[str, float | None]) -> Mechanism:
+    """Mechanism with rotor inertias by its joints' names, where its description has none."""
+    drives = [link.joint.drive for link in mechanism.links]
+    given = [inertias.get(link.joint.name) for link in mechanism.links]
     return mechanism.with_drives(
-        [replace(j.drive, rotor_inertia=inertias[j.name]) if j.name in missing else j.drive for j in joints]
+        [replace(d, rotor_inertia=x) if d.rotor_inertia is None else d for d, x in zip(drives, given, strict=True)]
     )
 
 
