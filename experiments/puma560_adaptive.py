@@ -47,7 +47,7 @@ from adaptctl.identifiability import (
 )
 from adaptctl.recording import Finding, Setting, wording
 from adaptctl.tuning.feasible_reference import coulomb_friction
-from adaptctl.tuning.learning_rule import MAX_LEARNED, bounded_learning
+from adaptctl.tuning.learning_rule import MAX_LEARNED, learning_by_rule
 from adaptctl.tuning.verification import scaled_links
 
 if TYPE_CHECKING:
@@ -151,7 +151,7 @@ class Puma560Adaptive(FromRanges):
         mechanism, gain = model.mechanism, mapped_gain(model, self.adaptation(ReducedModel.full(model.mechanism)))
         limits, damping = self.torque_limits(mechanism), self.gains(mechanism).damping
         limits = finite_torque_limits(mechanism) if limits is None else limits
-        return bounded_learning(model, gain, limits, damping, self.control_period, self.reference)
+        return learning_by_rule(model, gain, limits, damping, self.control_period, self.reference)
 
     @property
     def reference(self) -> Sinusoids:

@@ -19,7 +19,7 @@ from adaptctl.control.pytree import leaves
 from adaptctl.errors import AdaptctlError, InputError
 from adaptctl.scalars import column
 from adaptctl.tuning.default_gains import prior_ranges
-from adaptctl.tuning.learning_rule import bounded_learning
+from adaptctl.tuning.learning_rule import learning_by_rule
 
 ARM = "puma560_arm3"
 TRUE = reduced(ARM).fundamental_parameters
@@ -109,7 +109,7 @@ def test_what_is_missed_after_a_restart_is_not_called_one() -> None:
 
 def test_the_rule_takes_ten_prior_ranges_and_half_of_the_limits() -> None:
     model, gain, limits = reduced(ARM), np.diag(own_gain(ARM)), np.array([97.6, 186.4, 89.4])
-    law = bounded_learning(model, gain, limits, gains(ARM).damping, 1e-3, swinging(arm(ARM)))
+    law = learning_by_rule(model, gain, limits, gains(ARM).damping, 1e-3, swinging(arm(ARM)))
     reach = np.sqrt(np.diag(mapped_gain(model, prior_ranges(arm(ARM)) ** 2)))
     assert law.bound == pytest.approx(np.linalg.norm(10.0 * reach / np.sqrt(law.gain)))
     assert law.torque_step == pytest.approx(0.5 * limits)

@@ -184,8 +184,9 @@ def test_rotors_are_missing_where_a_driven_joint_turns_and_has_a_limit() -> None
 def test_the_learning_rule_weighs_torques_by_their_errors(limits: np.ndarray, period: float, rate: float) -> None:
     damping = np.array([40.0, 4.0])
     swing = Sinusoids(np.zeros(2), np.array([0.5, 0.01]), np.full(2, 0.25))
-    rubbing, gain = ARM.with_drives([Drive(coulomb=0.1), Drive(coulomb=7.0)]), np.diag(np.arange(1.0, 11.0))
-    found: GuardedLearning = learning_by_rule(rubbing, gain, limits, damping, period, swing)
+    rubbing = ARM.with_drives([Drive(viscous=0.0, coulomb=0.1), Drive(viscous=0.0, coulomb=7.0)])
+    model, gain = ReducedModel(rubbing), np.diag(np.arange(1.0, 11.0))
+    found: GuardedLearning = learning_by_rule(model, gain, limits, damping, period, swing)
     # 0.3 % of the limit, or what the damping makes of 3.3 mrad/s where that is less; of friction at best 1 % is known
     errors = np.maximum(np.minimum(3e-3 * limits, 3.3e-3 * damping), [0.001, 0.07])
     assert found.prediction_weight == pytest.approx(errors**-2)

@@ -12,7 +12,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, validate_kind
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.tuning.default_gains import DEFAULT_SAMPLING_RATIO
-from adaptctl.tuning.learning_rule import bounded_learning
+from adaptctl.tuning.learning_rule import learning_by_rule
 from adaptctl.tuning.tune import Tuning, tune
 
 
@@ -125,7 +125,7 @@ def learning_law(model: ReducedModel, tuning: Tuning) -> GuardedLearning:
     """
     gain, damping = tuning.adaptation_gain_for(model), tuning.gains.damping
     given = tuning.torque_limits, damping, tuning.control_period, tuning.reference
-    return bounded_learning(model, gain, *given)
+    return learning_by_rule(model, gain, *given)
 
 
 def with_friction(mechanism: Mechanism) -> Mechanism:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -10,7 +10,6 @@ from adaptctl.arrays import Array
 from adaptctl.control import GuardedLearning, mapped_gain
 from adaptctl.control.controller import Reference
 from adaptctl.control.excitation.torque_uncertainty import TORQUE_ERROR_SHARE
-from adaptctl.dynamics import Mechanism
 from adaptctl.identifiability import ReducedModel
 from adaptctl.tuning.default_gains import HORIZON, prior_ranges
 from adaptctl.tuning.feasible_reference import coulomb_friction
@@ -31,7 +30,7 @@ MAX_LEARNED = 100
 """parameters up to which learning is the default; its time grows as their square, its compilation to minutes"""
 
 
-def bounded_learning(
+def learning_by_rule(
     model: ReducedModel,
     gain: Array,
     torque_limits: Array,
@@ -39,25 +38,13 @@ def bounded_learning(
     control_period: float,
     reference: Reference,
 ) -> GuardedLearning:
-    """Learning law of `learning_by_rule` for a model, which starts anew from an estimate that is not plausible."""
-    law = learning_by_rule(model.mechanism, gain, torque_limits, damping, control_period, reference)
-    return replace(law, bound=farthest(model, np.diag(gain)), torque_step=STEP_SHARE * torque_limits)
-
-
-def learning_by_rule(
-    mechanism: Mechanism,
-    gain: Array,
-    torque_limits: Array,
-    damping: Array,
-    control_period: float,
-    reference: Reference,
-) -> GuardedLearning:
-    """Learning law with the diagonal of a gain (k, k), for torque limits and damping (r,) each."""
+    """Learning law of a model with the diagonal of a gain (k, k), for torque limits and damping (r,) each."""
     speeds = np.abs(reference(np.linspace(0.0, HORIZON, SPEED_SAMPLES)).v).max(axis=0)
     least = np.minimum(MIN_SPEED, MIN_SPEED_SHARE * speeds)
     recall, cutoff = (min(x, 0.5 / control_period) for x in (GuardedLearning.recall, GuardedLearning.cutoff))
-    sigma = np.maximum(torque_error(torque_limits, damping), FRICTION_ERROR_SHARE * coulomb_friction(mechanism))
-    return GuardedLearning(np.diag(gain), 1.0 / sigma**2, cutoff=cutoff, recall=recall, min_speed=least)
+    sigma = np.maximum(torque_error(torque_limits, damping), FRICTION_ERROR_SHARE * coulomb_friction(model.mechanism))
+    bounds: dict[str, Any] = {"bound": farthest(model, np.diag(gain)), "torque_step": STEP_SHARE * torque_limits}
+    return GuardedLearning(np.diag(gain), 1.0 / sigma**2, cutoff=cutoff, recall=recall, min_speed=least, **bounds)
 
 
 def farthest(model: ReducedModel, gain: Array) -> float:

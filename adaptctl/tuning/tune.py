@@ -32,7 +32,7 @@ from adaptctl.tuning.default_gains import (
 )
 from adaptctl.tuning.feasible_gains import MIN_BANDWIDTH, FeasibleGains, limitations
 from adaptctl.tuning.feasible_reference import TORQUE_SHARE, FeasibleReference
-from adaptctl.tuning.learning_rule import MAX_LEARNED, bounded_learning
+from adaptctl.tuning.learning_rule import MAX_LEARNED, learning_by_rule
 from adaptctl.tuning.rotors import rotor_note
 from adaptctl.tuning.verification import (
     LINK_ERROR,
@@ -207,7 +207,7 @@ class Tuning:
             return gain
         if named is True or named == "learning":
             given = self.torque_limits, self.gains.damping, self.control_period, self.reference
-            return bounded_learning(model, gain, *given)
+            return learning_by_rule(model, gain, *given)
         raise InputError(f"adaptation: expected True, False, 'learning' or 'gradient', got {named!r}")
 
     @property

@@ -22,7 +22,7 @@ from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, where
 from adaptctl.simulation import Plant, Rollouts, simulate_many
 from adaptctl.simulation.whole_runs import whole
-from adaptctl.tuning.learning_rule import MAX_LEARNED, bounded_learning
+from adaptctl.tuning.learning_rule import MAX_LEARNED, learning_by_rule
 
 RECORD_INTERVAL = 50  # control periods
 
@@ -105,7 +105,7 @@ class Trials:
     def _rule(self, model: ReducedModel, one: TrialSetting) -> GuardedLearning:
         gain, limits = mapped_gain(model, one.gain), np.asarray(self.plant.torque_limits)
         given = limits, one.damping, self.plant.control_period, self.reference
-        return bounded_learning(model, gain, *given)
+        return learning_by_rule(model, gain, *given)
 
     def _simulated(self, laws: list[Delayed], settings: list[TrialSetting], duration: float) -> Rollouts:
         parameters = np.array([one.parameters for one in settings])
