@@ -4,25 +4,18 @@ from __future__ import annotations
 
 import errno
 import os
-import re
 import sys
 import warnings
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from io import TextIOWrapper
 from typing import TextIO
 
-from cyclopts import (
-    App,
-    CycloptsError,
-    Parameter,
-    UnknownCommandError,
-    UnknownOptionError,
-    UnusedCliTokensError,
-)
+from cyclopts import App, CycloptsError, Parameter
 
 from adaptctl.cli.heartbeat import heartbeat
 from adaptctl.cli.numbers import none_missing, plain_numbers
+from adaptctl.cli.refusals import called, reason
 from adaptctl.cli.robot import note_on
 from adaptctl.errors import (
     AdaptctlError,
@@ -33,24 +26,13 @@ from adaptctl.errors import (
     SimplificationWarning,
     VerdictError,
     printable,
-    suggested_name,
 )
 from adaptctl.optional_packages import needed
-from adaptctl.renamed import NOW_DEFAULT, new_name
 from adaptctl.stages import watching
 
 DONE, FAILED, WRONG_INPUT, VERDICT, INTERRUPTED = 0, 1, 2, 3, 130
 WRONG_PATHS = (errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR)
 FULL_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
-TOO_FEW = re.compile(r"arameter (\S+) requires (\d+) positional arguments\.(?: Only got (\d+)\.)?")
-LIKE, MOST_LISTED = 0.6, 12
-"""likeness of a flag that may have been meant, and most flags that are listed"""
-ROBOT_SUFFIXES = (".toml", ".urdf", ".xml", ".mjcf")
-PARTS_OF = {"run": "experiment", "list": "experiment", "compare": "experiment", "convert": "experiment"} | {
-    "status": "sweep",
-    "report": "sweep",
-}
-"""commands of commands"""
 
 
 def version() -> str:
@@ -117,7 +99,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     heartbeat.doing("working")
     with _warnings_as_notes(), watching(heartbeat.during):
         try:
-            with needed(_called(given[: 3 if given[:1] == ["experiment"] else 1])):
+            with needed(called(given[: 3 if given[:1] == ["experiment"] else 1])):
                 if given[:2] == ["experiment", "run"]:
                     from adaptctl.cli.experiment import offer_own
 
@@ -127,7 +109,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             print(end="", flush=True)  # here, where a reader that went away or a full disk can be told of
             return code
         except CycloptsError as error:
-            return _complain(_reason(error, given), WRONG_INPUT)
+            return _complain(reason(error, given, app), WRONG_INPUT)
         except VerdictError as error:
             return _complain(error, VERDICT)
         except InputError as error:
@@ -150,84 +132,7 @@ def _validate_command(given: Sequence[str]) -> None:
     if not rest and apps[-1].default_command is None:
         known = ", ".join(name for name in apps[-1] if not name.startswith("-"))
         missing = "an experiment" if chain[-1:] == ("run",) else "a command"
-        raise InputError(f"{missing} is missing: {known}; see {_called(chain)} --help")
-
-
-def _reason(error: CycloptsError, given: Sequence[str]) -> object:
-    """Message of what was wrong with the command line, in our words where we refused it."""
-    if isinstance(error.__cause__, InputError):
-        return error.__cause__
-    told = _renamed_option(error) or _left_over(error, given) or _elsewhere(error) or _too_few(error) or str(error)
-    return f"{told} See {_called(error.command_chain or ())} --help"
-
-
-def _too_few(error: CycloptsError) -> str:
-    """Message of a flag with fewer values than it takes; empty for other errors."""
-    told = TOO_FEW.search(str(error))
-    return f"{told[1]}: expected {told[2]} values, got {told[3] or 0}." if told else ""
-
-
-def _elsewhere(error: CycloptsError) -> str:
-    """Message of a command that is another's, or of a robot file in place of one; empty for other errors."""
-    if not isinstance(error, UnknownCommandError) or not error.unused_tokens:
-        return ""
-    word, chain = error.unused_tokens[0], error.command_chain or ()
-    if word.endswith(ROBOT_SUFFIXES):
-        meant = f"experiment run adaptive --robot {word}" if "experiment" in chain else f"tune {word}"
-    elif not chain and word in PARTS_OF:
-        meant = f"{PARTS_OF[word]} {word}"
-    else:
-        return ""
-    return f"Unknown command {word!r}. Did you mean adaptctl {meant}?"
-
-
-def _left_over(error: CycloptsError, given: Sequence[str]) -> str:
-    """Message of words that no flag takes, which offers what they may belong to; empty for other errors."""
-    if not isinstance(error, UnusedCliTokensError) or not error.unused_tokens:
-        return ""
-    words = error.unused_tokens
-    robots = [word for word in words if word.endswith(ROBOT_SUFFIXES)]
-    if robots and "experiment" in (error.command_chain or ()):
-        hint = f" Did you mean --robot {robots[0]}?"
-    else:
-        hint = _joined(words, given)
-    return f"{' '.join(map(repr, words))}: no argument of this command.{hint}"
-
-
-def _joined(words: Sequence[str], given: Sequence[str]) -> str:
-    """Hint that several values of one flag are joined by commas; empty where the words follow none."""
-    start = next((i for i, word in enumerate(given) if list(given[i : i + len(words)]) == list(words)), 0)
-    flag, value = given[start - 2 : start] if start >= 2 else ("", "")
-    if not flag.startswith("--") or value.startswith("--"):
-        return ""
-    return f" If they are more values of {flag}, join them by commas: {flag} {','.join([value, *words])}"
-
-
-def _renamed_option(error: CycloptsError) -> str:
-    """Message that names the option which replaces a former one; empty where there is none."""
-    if not isinstance(error, UnknownOptionError):
-        return ""
-    names = {name for argument in error.argument_collection for name in argument.names}
-    flag = (error.token.keyword or error.token.value).partition("=")[0]
-    option = flag.removeprefix("--").replace("-", "_")
-    if option.upper() in names:
-        return f"Unknown option: {flag}; {option.upper()} is given without it."
-    known = {name.removeprefix("--").replace("-", "_") for name in names}
-    if (other := NOW_DEFAULT.get(option)) in known:
-        return f"Unknown option: {flag}, now the default; --{other.replace('_', '-')} is its opposite."
-    if new := new_name(option, known) or next((name for name in sorted(known) if name.startswith(option)), None):
-        return f"Unknown option: {flag}. Did you mean --{new.replace('_', '-')}?"
-    return "" if suggested_name(option, known, LIKE) else f"Unknown option: {flag}; options: {_some(names)}"
-
-
-def _some(names: Collection[str]) -> str:
-    """The first of the flags among names, in the order of the alphabet, and dots for others."""
-    flags = sorted(name for name in names if name.startswith("--") and not name.startswith("--no-"))
-    return ", ".join(flags[:MOST_LISTED]) + (", ..." if len(flags) > MOST_LISTED else ".")
-
-
-def _called(chain: Sequence[str]) -> str:
-    return " ".join(("adaptctl", *chain))
+        raise InputError(f"{missing} is missing: {known}; see {called(chain)} --help")
 
 
 def _failed(error: BaseException) -> int:

@@ -62,10 +62,15 @@ def _validate_number(app: App, argument: Argument, token: Token) -> None:
 
 def _unit(app: App, argument: Argument) -> str:
     """Unit of a flag, as its help says it, or the docstring of its command; empty where they say none."""
-    doc = getattr(app.default_command, "__doc__", None) or ""
-    entry = re.search(rf"^ +{argument.field_info.name} : .*\n((?: {{8}}.*\n)+)", doc, re.MULTILINE)
-    told = UNIT.search(argument.parameter.help or (" ".join(entry[1].split()) if entry else ""))
+    told = UNIT.search(told_by_help(app.default_command, argument))
     return told[1] if told else ""
+
+
+def told_by_help(command: object, argument: Argument) -> str:
+    """Text of an argument in its help, or in the docstring of its command; empty where neither has one."""
+    doc = getattr(command, "__doc__", None) or ""
+    entry = re.search(rf"^ +{argument.field_info.name} : .*\n((?: {{8}}.*\n)+)", doc, re.MULTILINE)
+    return argument.parameter.help or (" ".join(entry[1].split()) if entry else "")
 
 
 def _instead(text: str, unit: str, kinds: Sequence[object]) -> str:

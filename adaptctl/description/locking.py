@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
@@ -28,7 +29,8 @@ def locked_words(words: Iterable[str]) -> dict[str, float | None]:
         try:
             value = float(text) if mark else None
         except ValueError:
-            raise InputError(f"lock: joint {name!r}: expected a position in rad or m, got {text!r}") from None
+            point = f"; write {name}={text.replace(',', '.')}, with a point" if text.count(",") == 1 else ""
+            raise InputError(f"lock: joint {name!r}: expected a position in rad or m, got {text!r}{point}") from None
         if name in found:
             raise InputError(f"lock: joint {name!r} is given twice")
         found[name] = value
@@ -46,7 +48,9 @@ def held_positions(description: Description, given: Mapping[str, float | None] |
     for name, value in given.items():
         if name not in description.joint_names:
             known = ", ".join(description.joint_names)
-            hint = suggested_name(name, description.joint_names)
+            first, *rest = re.split(r"[\s:]+", name.strip(), maxsplit=1)
+            own = first in description.joint_names and rest
+            hint = f"; write {first}={rest[0]}" if own else suggested_name(name, description.joint_names)
             raise NotFoundError(f"lock: {description.name} has no joint {name!r}{hint}; joints: {known}")
         position, lead = _checked(description, name, value), name
         if name in couplings and name not in primary:
