@@ -272,6 +272,16 @@ def test_the_command_writes_all_files_resumes_and_runs_a_new_law_alone(
     assert workers.computed[3:] == ["true"]
 
 
+def test_laws_of_others_run_first_and_one_that_fails_is_told_at_once(
+    own: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    workers = InThisProcess(monkeypatch)
+    path = written(tmp_path, laws=["true", "own.py:Raises"])
+    assert main(["contest", str(path), "--out", str(tmp_path / "out")]) == 0
+    assert [Path(law).name for law in workers.computed] == ["own.py:Raises", "true"]
+    assert "note: Raises fails on two_link: KeyError: 'oops'" in capsys.readouterr().err
+
+
 def test_rows_are_kept_only_for_the_robot_and_the_law_that_made_them(own: str, tmp_path: Path) -> None:
     robot = tmp_path / "arm.toml"
     robot.write_text(Path("adaptctl/description/robots/two_link.toml").read_text())

@@ -173,6 +173,17 @@ def test_figures_have_names_units_and_legends() -> None:
     assert [text.get_text() for text in found["course"].legends[0].get_texts()] == ranking.order
 
 
+def test_errors_of_joints_that_slide_are_in_millimetres(tmp_path: Path) -> None:
+    contest = Contest.of(written(tmp_path))
+    assert contest.error_unit == "mrad"
+    rows = [{**row, "curve": [2.0, 1.0]} for row in rows_of({"a": [1.0, 2.0]})]
+    ranking = Ranking(rows, {}, "mrad or mm")
+    found = {one.name: one.draw() for one in drawings(ranking, ranking.table(), 20.0)}
+    assert found["map"].axes[0].get_title() == "median error [mrad or mm]"
+    assert found["course"].get_supylabel() == "median RMS error [mrad or mm]"
+    assert {"mrad or mm", "mrad or mm at 2 s"} <= set(content(contest, ranking, ranking.table(), {})["heads"])
+
+
 def of_conditions() -> Ranking:
     """Four laws under two conditions, the second twice as hard, with errors that fall over time."""
     rows = [{**row, "curve": [3.0 * row["error"], row["error"]]} for row in rows_of(ROWS)]
@@ -254,7 +265,8 @@ def test_names_and_reasons_are_texts_in_the_page_and_the_table(tmp_path: Path) -
     assert text.count("</script>") == 2
     data = json.loads(text.partition('id="data">')[2].partition("</script>")[0])
     assert data["runs"] == [[[[1.0, 2.0]]], [[["</script><b>&", 1.0]]]]
-    assert "a\\_b &" in latex(table)
+    assert "a\\_b &" in latex(table, "mm")
+    assert "error [mm] &" in latex(table, "mm")
 
 
 def test_colors_tell_better_from_worse_and_failed() -> None:

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from adaptctl.cli.experiment import shown_progress
 from adaptctl.cli.interruption import interruptible
-from adaptctl.cli.output import WrappedTable, print_parts
+from adaptctl.cli.output import WrappedTable, print_note, print_parts
 
 if TYPE_CHECKING:
     from adaptctl.contest.running import ContestFolder
@@ -81,7 +81,7 @@ def contest(
     cluster = Cluster(jobs, scheduler, scheduler_file)
     with interruptible() as interruption, shown_progress() as progress:
         heeded = interruption.heeded(progress)
-        folder.run(cluster, lambda share: heeded(f"{len(folder.entries())} laws on robots", share))
+        folder.run(cluster, lambda share: heeded(f"{len(folder.entries())} laws on robots", share), print_note)
         if measure_step_time:
             write_times(folder, lambda share: heeded("times of the laws", share))
     return _told(folder)
@@ -93,7 +93,7 @@ def _told(folder: ContestFolder) -> int:
 
     ranking = write_report(folder)
     rows = [row for row in ranking.table() if row["condition"] == "all"]
-    heads = ("law", "knows", "rank", "mrad", "over true", "over PD with gravity", "failed")
+    heads = ("law", "knows", "rank", ranking.error_unit, "over true", "over PD with gravity", "failed")
     lines = [
         (
             row["law"], row["knows"], f"{row['rank']:.2f}", short(row["error"]), short(row["over_true"]),

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from adaptctl.cli.output import Period, Robot, print_json
+from adaptctl.cli.output import Period, Robot, print_json, print_note
 from adaptctl.cli.robot import AS_USUAL, RobotFlags
 
 if TYPE_CHECKING:
@@ -101,7 +100,7 @@ def export(
     model = ReducedModel(mechanism)
     if check:
         compiled = " and compiles the code with each C compiler found" if language == "c" else ""
-        _note(f"--check simulates 600 s{compiled}: up to {_lasting(len(model.columns))} on a quiet machine")
+        print_note(f"--check simulates 600 s{compiled}: up to {_lasting(len(model.columns))} on a quiet machine")
     tuning = tune(mechanism, control_period=control_period, bandwidth=bandwidth)
     if not anyway:
         tuning.validate_learning("--anyway")
@@ -134,10 +133,6 @@ def _lasting(parameters: int) -> str:
     """Time of a check in words."""
     seconds = 5 * max(1, round(SECONDS_PER_SQUARE * parameters**2 / 5))
     return f"{seconds} s" if seconds < 90 else f"{round(seconds / 60)} minutes"
-
-
-def _note(words: str) -> None:
-    print(f"adaptctl: note: {words}", file=sys.stderr, flush=True)
 
 
 def _print(done: Exported, unit: str) -> None:

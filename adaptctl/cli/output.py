@@ -42,6 +42,11 @@ def print_json(content: Mapping[str, Any]) -> None:
     sys.stdout.write("\n")
 
 
+def print_note(text: str) -> None:
+    """Print a note, a line on stderr."""
+    print(f"adaptctl: note: {text}", file=sys.stderr, flush=True)
+
+
 def print_parts(parts: Iterable[RenderableType]) -> None:
     """Print parts, one below the other, as wide as the terminal."""
     from rich.console import Console

@@ -16,6 +16,7 @@ from adaptctl.contest.foreign_runs import fits
 from adaptctl.contest.laws import LAWS
 from adaptctl.contest.own_law import is_own, own_entrant, own_name
 from adaptctl.contest.scene import loaded, robot_name
+from adaptctl.dynamics.joint_units import either, position_units
 from adaptctl.errors import InputError, NotFoundError, suggested_name
 from adaptctl.files import hashed, read_toml
 from adaptctl.optional_packages import needed
@@ -140,6 +141,11 @@ class Contest:
     def robot_hashes(self) -> dict[str, str]:
         """Hash of each robot's description, of limits and all, by its name. Raises what `load` raises."""
         return {robot_name(robot): loaded(robot).description.sha256 for robot in self.asked.robots}
+
+    @property
+    def error_unit(self) -> str:
+        """Unit of the errors of all joints of all robots, such as "mrad"."""
+        return either(f"m{unit}" for robot in self.asked.robots for unit in position_units(loaded(robot)))
 
     @property
     def scoring(self) -> dict[str, Any]:

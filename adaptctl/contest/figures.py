@@ -32,7 +32,7 @@ def write_paper(folder: Path, ranking: Ranking, table: list[dict[str, Any]], dur
     """Write the figures, a LaTeX table of the ranks, and what to cite."""
     made_folder(folder / FIGURES)
     write_for_paper(folder / FIGURES, drawings(ranking, table, duration))
-    write_text(folder / TABLE, latex(table))
+    write_text(folder / TABLE, latex(table, ranking.error_unit))
     entry = "@software{adaptctl,\n  title = {adaptctl},\n  author = {{The adaptctl developers}},\n"
     write_text(folder / CITATION, f"{entry}  version = {{{__version__}}},\n}}\n")
 
@@ -91,7 +91,7 @@ def law_by_condition(ranking: Ranking, table: list[dict[str, Any]]) -> Figure:
     axes.set_xlim(-0.5, len(conditions) - 0.5)
     axes.set_ylim(len(laws) - 0.5, -0.5)
     axes.grid(visible=False)
-    axes.set_title(f"median error over that of {over}" if over else "median error [mrad]", size=8)
+    axes.set_title(f"median error over that of {over}" if over else f"median error [{ranking.error_unit}]", size=8)
     return figure
 
 
@@ -114,7 +114,7 @@ def course(ranking: Ranking, duration: float) -> Figure:
     for axes in panels[len(conditions) - columns : len(conditions)]:
         axes.set_xlabel("time [s]")
         axes.tick_params(labelbottom=True)
-    figure.supylabel("median RMS error [mrad]", size=8)
+    figure.supylabel(f"median RMS error [{ranking.error_unit}]", size=8)
     if laws:
         figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=6.5)
     return figure
@@ -125,10 +125,10 @@ def _median_course(ranking: Ranking, law: str, condition: str) -> Array:
     return np.median(chosen, axis=0) if chosen else np.empty(0)
 
 
-def latex(table: list[dict[str, Any]]) -> str:
+def latex(table: list[dict[str, Any]], unit: str) -> str:
     """Table of the ranks in LaTeX, for the package booktabs."""
     rows = [row for row in table if row["condition"] == ALL]
-    heads = ("law", "knows", "rank", "error [mrad]", "over true model", "over PD with gravity", "failed")
+    heads = ("law", "knows", "rank", f"error [{unit}]", "over true model", "over PD with gravity", "failed")
     body = [
         (
             *(_escaped(row[name]) for name in ("law", "knows")),

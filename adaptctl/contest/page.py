@@ -22,7 +22,7 @@ from adaptctl.recording.drawing import PAPER, Color
 from adaptctl.version import __version__
 
 HEADS = (
-    *("law", "rank", "mrad", "over true model", "over PD with gravity", "mrad at 2 s", "10 s", "20 s", "failed"),
+    *("law", "rank", "{unit}", "over true model", "over PD with gravity", "{unit} at 2 s", "10 s", "20 s", "failed"),
     *("return, s", "torque error, unseen motion", "torque", "its rate, 1/s", "saturated", "operations"),
     *("knows", "gains", "how it fails"),
 )
@@ -66,7 +66,7 @@ def write_page(
 
 def content(contest: Contest, ranking: Ranking, table: list[dict[str, Any]], times: Times) -> dict[str, Any]:
     """Names of the template and their values."""
-    asked, conditions = contest.asked, ranking.conditions
+    asked, conditions, unit = contest.asked, ranking.conditions, ranking.error_unit
     own = {(row["law"], row["condition"]): row for row in table}
     over = next((name for name in (TRUE_MODEL, PD_GRAVITY) if name in ranking.laws), None)
     return {
@@ -76,11 +76,12 @@ def content(contest: Contest, ranking: Ranking, table: list[dict[str, Any]], tim
         + f"; {asked.duration:g} s each, plant: {asked.plant}.",
         "difference": f"Differences below {short(ranking.critical_difference)} are not significant (Nemenyi, 5 %)."
         + (f" Between two halves of the seeds: {halves}." if (halves := ranking.halves()) else ""),
-        "heads": (*HEADS, *(TIME_HEADS.values() if times else ())),
+        "heads": (*(head.format(unit=unit) for head in HEADS), *(TIME_HEADS.values() if times else ())),
         "rows": [
             {"name": law, "cells": [*_cells(own[law, ALL]), *_timed(times.get(law, {}))]} for law in ranking.order
         ],
-        "map_told": f"Median error over that of {over} in equal runs." if over else "Median error in mrad.",
+        "map_told": f"Median error over that of {over} in equal runs." if over else f"Median error in {unit}.",
+        "unit": unit,
         "conditions": [{"name": name, "meaning": CONDITIONS[name].meaning} for name in conditions],
         "cells": [{"name": law, "cells": [_mapped(own[law, x], over) for x in conditions]} for law in ranking.laws],
         "robots": ", ".join(ranking.robots),

@@ -78,6 +78,8 @@ class Ranking:
     rows: Sequence[dict[str, Any]]
     families: Mapping[str, str] = field(default_factory=dict)
     """Family of a robot; one that is not here is a family of its own."""
+    error_unit: str = "mrad"
+    """Unit of the errors: mrad, "mm" where all joints slide, "mrad or mm" where some do."""
 
     def _names(self, what: str) -> list[Any]:
         return list(dict.fromkeys(row[what] for row in self.rows))

@@ -20,7 +20,7 @@ RANKS, PAGE = "ranks.parquet", "index.html"
 def write_report(folder: ContestFolder) -> Ranking:
     """Write all files of the rows in a contest's folder but these, and return the ranking."""
     rows: pa.Table = read_checked(folder.path / RESULTS)
-    ranking = Ranking(rows_of_table(rows), folder.contest.families)
+    ranking = Ranking(rows_of_table(rows), folder.contest.families, folder.contest.error_unit)
     table = ranking.table()
     write_checked(folder.path / RANKS, rows_as_table(table, RANK_COLUMNS, folder.contest.scoring_hash))
     write_page(folder.path / PAGE, folder.contest, ranking, table, slowest(kept_times(folder)))

@@ -39,7 +39,7 @@ HEAD = "law", "knows", "rank", "mrad", "over the true model", "over PD with grav
 def publish(folder: Path) -> None:
     """Keep the page and the figure of a contest, and show its ranks."""
     contest = Contest.of(ASKED)
-    ranking = Ranking(rows_of_table(read_checked(folder / RESULTS)), contest.families)
+    ranking = Ranking(rows_of_table(read_checked(folder / RESULTS)), contest.families, contest.error_unit)
     write_text(KEPT, (folder / "index.html").read_text(encoding="utf-8"))
     write_text(DOCS / "images" / "contest-ranks.svg", (folder / "figures" / "ranks.svg").read_text())
     told = "\n".join((_told(ranking, contest), "", ranks(row for row in ranking.table() if row["condition"] == ALL)))
