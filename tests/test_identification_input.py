@@ -80,6 +80,13 @@ def at_rest(log: dict[str, np.ndarray]) -> None:
             log[name] = log[name][0] + 1e-5 * rng.normal(size=len(log[name]))
 
 
+def exchanged(log: dict[str, np.ndarray]) -> None:
+    names = [name for name in log if name.startswith("motor_position")]
+    for name in names:
+        other = name.replace("position", "torque")
+        log[name], log[other] = log[other], log[name]
+
+
 BAD: dict[str, tuple[Spoil, str]] = {
     "missing column": (
         lambda log: log.pop("motor_torque_3"),
@@ -128,6 +135,10 @@ BAD: dict[str, tuple[Spoil, str]] = {
     "milli": (
         times("motor_torque", 1e3),
         "joint 'joint_1' has a torque of .* N m, but the limit of the robot is 132; check the unit of torque",
+    ),
+    "positions for torques": (
+        exchanged,
+        "joint 'joint_1' has a torque of .*, and whether positions and torques are exchanged, as the torques",
     ),
     "wrong sign": (
         times("motor_torque_4", -1.0),

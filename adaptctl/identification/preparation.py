@@ -17,6 +17,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identification.columns import JointLog
 from adaptctl.identification.convolution import convolved, windowed_sinc
+from adaptctl.identification.exchanged_columns import exchanged_words
 from adaptctl.logs.on_disk import each_column, of_columns, release, rowwise
 
 # Length of a kernel, in periods of its cut-off.
@@ -328,27 +329,29 @@ def _within_limits(source: str, logs: list[JointLog], speeds: list[Array], mecha
     fastest = [np.percentile(np.abs(own), 99.0) for own in _whole_columns(speeds)]
     lower, upper = whole_ends([log.position for log in logs])
     for j, joint in enumerate(mechanism.primary_joints):
-        limits, low, high = joint.limits, float(lower[j]), float(upper[j])
-        if fastest[j] > MAX_SPEED_RATIO * limits.velocity:
-            raise InputError(
-                f"{source}: joint {joint.name!r} moves at {fastest[j]:.3g} {joint.kind.position_unit}/s, but the limit "
-                f"of the robot is {limits.velocity:.3g}; check the gear ratio, and whether "
-                f"positions are in {'deg' if joint.kind.is_revolute else 'mm'} or times in ms{SKIPPED}"
-            )
-        if low < limits.lower - MAX_RANGE_EXCESS or high > limits.upper + MAX_RANGE_EXCESS:
-            raise InputError(
-                f"{source}: joint {joint.name!r} moves from {low:.3g} to {high:.3g}, but the limits of the robot file "
-                f"are {limits.lower:.3g} to {limits.upper:.3g}; {_fitting(lower, upper, mechanism, j)}check units, "
-                f"gear ratio (and its sign) and offset, and that the log is this robot's{SKIPPED}"
-            )
+        limits, low, high, trouble = joint.limits, float(lower[j]), float(upper[j]), ""
         release()
         strongest = max(float(np.percentile(np.abs(log.torque[:, j]), 99.0)) for log in logs)
-        if strongest > MAX_SPEED_RATIO * limits.effort:
-            raise InputError(
-                f"{source}: joint {joint.name!r} has a torque of {strongest:.3g} {joint.kind.effort_unit}, but the "
-                f"limit of the robot is {limits.effort:.3g}; check the unit of torque, the torque constant and the "
-                f"gear ratio{SKIPPED}"
+        if fastest[j] > MAX_SPEED_RATIO * limits.velocity:
+            trouble = (
+                f"moves at {fastest[j]:.3g} {joint.kind.position_unit}/s, but the limit of the robot is "
+                f"{limits.velocity:.3g}; check the gear ratio, and whether positions are in "
+                f"{'deg' if joint.kind.is_revolute else 'mm'} or times in ms"
             )
+        elif low < limits.lower - MAX_RANGE_EXCESS or high > limits.upper + MAX_RANGE_EXCESS:
+            trouble = (
+                f"moves from {low:.3g} to {high:.3g}, but the limits of the robot file are {limits.lower:.3g} to "
+                f"{limits.upper:.3g}; {_fitting(lower, upper, mechanism, j)}check units, gear ratio (and its sign) and "
+                "offset, and that the log is this robot's"
+            )
+        elif strongest > MAX_SPEED_RATIO * limits.effort:
+            trouble = (
+                f"has a torque of {strongest:.3g} {joint.kind.effort_unit}, but the limit of the robot is "
+                f"{limits.effort:.3g}; check the unit of torque, the torque constant and the gear ratio"
+            )
+        if trouble:
+            trouble += exchanged_words([(log.position, log.torque) for log in logs])
+            raise InputError(f"{source}: joint {joint.name!r} {trouble}{SKIPPED}")
     return "positions, velocities and torques are within the limits of the robot"
 
 
