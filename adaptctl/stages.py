@@ -8,14 +8,14 @@ from contextvars import ContextVar
 from typing import TypeAlias
 
 COMPILING = "compiling to native code, which the next run finds in the cache"
-Watcher: TypeAlias = Callable[[str], AbstractContextManager[object]]
+Watcher: TypeAlias = Callable[[object], AbstractContextManager[object]]
 
 _watcher: ContextVar[Watcher] = ContextVar("_watcher", default=nullcontext)
 
 
 @contextmanager
-def stage(name: str) -> Iterator[None]:
-    """Context manager, or decorator, of a stage that a watcher is told of."""
+def stage(name: object) -> Iterator[None]:
+    """Context manager, or decorator, of a stage that a watcher is told of; its text may change meanwhile."""
     with _watcher.get()(name):
         yield
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import re
+from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -28,6 +30,7 @@ from adaptctl.hardware.acceleration import PossibleAcceleration
 from adaptctl.hardware.loop import DriveLoop
 from adaptctl.hardware.resting import StoppingDistance
 from adaptctl.identification import told, told_numbers
+from adaptctl.stages import watching
 
 PERIOD = 4e-3
 CENTER = np.array([0.3, 0.5])
@@ -48,8 +51,10 @@ LAW = law()
 @pytest.mark.parametrize("seed", mostly_at_night(range(4), 0, 1))
 def test_starts_where_the_arm_stands_and_ends_at_rest(seed: int, tmp_path: Path) -> None:
     start = CENTER + np.random.default_rng(seed).uniform(-0.8, 0.8, 2)
-    robot = RecordedRobot(ARM, PERIOD, start)
-    run = adaptctl.drive(robot, LAW, REFERENCE, 4.5, tmp_path / "run.parquet", lead_in=2.0)
+    robot, stages = RecordedRobot(ARM, PERIOD, start), list[object]()
+    with watching(lambda stage: nullcontext(stages.append(stage))):
+        run = adaptctl.drive(robot, LAW, REFERENCE, 4.5, tmp_path / "run.parquet", lead_in=2.0)
+    assert re.fullmatch(r"stopping, worst error [\d.]+ mrad", str(stages[-1]))
     assert (run.stopped, run.by_robot, robot.breaches) == ("", False, [])
     assert run.first_error < 1e-6
     assert run.peak_torque_rate <= 950.0 + 1e-6
@@ -291,6 +296,7 @@ THREE = HardwareLimits([60.0] * 3, [6.0] * 3, [-2.0] * 3, [2.0] * 3, 1000.0)
             {},
             "elbow stands at 0.5, outside its range",
         ),
+        (lambda: MuJoCoRobot(ARM, PERIOD, [0.3, 90.0]), {}, "elbow stands at 90, outside its range .* rad"),
         (moving, {}, "shoulder moves, at 0.1 rad/s"),
         (lambda: MuJoCoRobot(ARM, 2e-3), {}, "the controller's is 0.004 s, but the robot's is 0.002 s"),
         (lambda: MuJoCoRobot(ARM, PERIOD, CENTER), {"controller": law(0.0)}, "start from the file's parameters"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import runpy
 import socket
 import struct
 import sys
@@ -30,6 +31,7 @@ from adaptctl.hardware import (
     UDPRobot,
     URRobot,
     motion_about,
+    udp_plant,
     with_rotors,
 )
 from adaptctl.hardware.mujoco_robot import _within
@@ -289,3 +291,12 @@ def test_a_simulated_robot_tells_its_rotors_and_no_other_is_guessed_for_it() -> 
         told = _geared(arm, MuJoCoRobot(simulated, 0.004), None)
         assert [joint.drive.rotor_inertia for joint in told.primary_joints] == [expected, expected]
     assert _geared(geared, MuJoCoRobot(arm, 0.004), None).description == geared.description
+
+
+@pytest.mark.parametrize("words", [[], ["--help"], ["two_link", "long"], ["two_link", "1", "2", "3"], ["two_lin"]])
+def test_a_wrong_line_of_the_simulated_arm_is_told_what_it_is(
+    words: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.argv", ["udp_plant", *words])
+    with pytest.raises(SystemExit, match=r"ROBOT \[SECONDS\] \[PORT\]|did you mean 'two_link'"):
+        runpy.run_path(udp_plant.__file__, run_name="__main__")

@@ -20,7 +20,7 @@ class Announcement:
         self._show, self._hide, self._left, self._shown = show, hide, PATIENCE, False
 
     @contextmanager
-    def __call__(self, what: str) -> Iterator[None]:
+    def __call__(self, what: object) -> Iterator[None]:
         """Context manager of one stage, of which compilations count."""
         if what != COMPILING:
             yield

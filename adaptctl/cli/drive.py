@@ -25,6 +25,8 @@ SCHEMA = "adaptctl/drive/1"
 DONE, FAILED = 0, 3
 FAST = 60.0
 """rad/s, corner frequency of the observer of external torques"""
+ROUNDING = 1e-12
+"""rad (m)"""
 Vendor = Literal["franka", "trossen", "ur", "udp", "mujoco"]
 OnTouch = Literal["ignore", "stop", "comply", "retract"]
 
@@ -156,7 +158,7 @@ def _driven(
     here, limits = robot.read(), robot.limits.within(HardwareLimits.of(arm))
     if here is None:
         raise InputError(f"no measurement came from {address}: is the robot on, and is this its address?")
-    validate_posture(here, [joint.name for joint in arm.primary_joints], limits)  # tuning takes a while
+    validate_posture(here.p, [joint.name for joint in arm.primary_joints], limits)  # tuning takes a while
     reference = motion_about(here.p, limits, amplitude)
     controller = ready_controller(arm, robot.period, reference, getattr(robot, "tool", None), periods_late(robot))
     if on_touch != "ignore":
@@ -222,13 +224,18 @@ def _report(run: DrivenRun, arm: Mechanism, out: Path) -> Iterator[RenderableTyp
     names = [joint.name for joint in arm.primary_joints]
     if run.payload is not None:
         yield words(_carried(run.payload))
-    rows = [[name, f"{1e3 * error:.3g}"] for name, error in zip(names, run.final_rms_error, strict=False)]
-    yield titled("RMS error of the last two seconds", WrappedTable(("joint", error_unit(arm)), rows))
+    unit, rows = error_unit(arm), zip(names, (f"{1e3 * error:.3g}" for error in run.final_rms_error), strict=False)
+    yield titled("RMS error of the last two seconds", WrappedTable(("joint", unit), list(rows)))
     yield words(
-        f"first error {1e3 * run.first_error:.2g} mrad; greatest torque rate {run.peak_torque_rate:.4g} N m/s; "
+        f"first error {_thousandths(run.first_error)} {unit}; greatest torque rate {run.peak_torque_rate:.4g} N m/s; "
         f"greatest speed {run.peak_speed_share:.0%} of a limit; {run.times.off} periods off, at most "
         f"{run.times.longest_late} late in a row, the longest {1e3 * run.times.worst:.3g} ms; {_computing(run)}\n{out}"
     )
+
+
+def _thousandths(error: float) -> str:
+    """Error (rad or m) in thousandths, without those of rounding."""
+    return f"{1e3 * error:.2g}" if error > ROUNDING else "0"
 
 
 def _computing(run: DrivenRun) -> str:

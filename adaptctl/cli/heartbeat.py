@@ -23,7 +23,8 @@ class Heartbeat:
     """Thread that tells on stderr what is computed: on a terminal in a line that goes, elsewhere in lines."""
 
     def __init__(self) -> None:
-        self._what, self._shown, self._within_line = "starting", False, False
+        self._what: object = "starting"
+        self._shown, self._within_line = False, False
         self._started = self._last = monotonic()
         self._lock, self._stopped = threading.RLock(), threading.Event()
 
@@ -44,7 +45,7 @@ class Heartbeat:
         self._what = what
 
     @contextmanager
-    def during(self, what: str) -> Iterator[None]:
+    def during(self, what: object) -> Iterator[None]:
         """Context manager of one stage, which is named."""
         before, self._what = self._what, what
         try:

@@ -116,7 +116,7 @@ def standing(robot: Any, measurements: Measurements, names: Sequence[str], limit
             first, sound = first or reading, sound + 1
             try:
                 _validate_rest(reading, first, names)
-                validate_posture(reading, names, limits)
+                validate_posture(reading.p, names, limits)
             except InputError as error:  # the first readings may be old ones, that waited
                 first, sound, moving = None, 0, error
             if sound == READINGS:
@@ -133,11 +133,11 @@ def _validate_rest(reading: RobotReading, first: RobotReading, names: Sequence[s
         raise InputError(f"robot: {names[j]} moves, at {reading.v[j]:.3g} rad/s (m/s): start at rest")
 
 
-def validate_posture(reading: RobotReading, names: Sequence[str], limits: HardwareLimits) -> None:
-    """Raise `InputError` for a joint outside its range."""
-    for j in map(int, np.flatnonzero((reading.p < limits.lower) | (reading.p > limits.upper))):
+def validate_posture(p: Array, names: Sequence[str], limits: HardwareLimits) -> None:
+    """Raise `InputError` for a joint at p (r,) outside its range."""
+    for j in map(int, np.flatnonzero((p < limits.lower) | (p > limits.upper))):
         low, high = limits.lower[j], limits.upper[j]
-        raise InputError(f"robot: {names[j]} stands at {reading.p[j]:.4g}, outside its range {low:.4g} to {high:.4g}")
+        raise InputError(f"robot: {names[j]} stands at {p[j]:.4g}, outside its range {low:.4g} to {high:.4g} rad (m)")
 
 
 def torque_at_rest(controller: Controller[Any], p: Array) -> Array:

@@ -38,6 +38,7 @@ from adaptctl.hardware.touch_reaction import Reaction, touch_of, validate_reacti
 from adaptctl.identification import learned_payload, mass_of_change
 from adaptctl.recording import Live
 from adaptctl.simulation import RunLogger
+from adaptctl.stages import stage
 
 MAX_ERROR = 0.3
 """rad (m)"""
@@ -156,7 +157,8 @@ def drive(
         loop = DriveLoop(robot, guarded, path, seconds, arm, limits, stopping, measurements, gravity, compensation)
         loop.log, loop.live, loop.max_error, loop.on_touch = logger, live, greatest, on_touch
         loop.mass_row = mass_row
-        loop.run(now, own, gravity(now.p) if from_zero else own)
+        with stage(loop):
+            loop.run(now, own, gravity(now.p) if from_zero else own)
         run = _result(loop, robot)
         if loop.interrupted:
             raise KeyboardInterrupt(run)

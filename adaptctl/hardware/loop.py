@@ -15,6 +15,7 @@ from adaptctl.control.minimum_jerk import quintic
 from adaptctl.control.ringing import correlation
 from adaptctl.control.transitions import point_at
 from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.joint_units import error_unit
 from adaptctl.errors import NonFiniteError
 from adaptctl.hardware.acceleration import PossibleAcceleration
 from adaptctl.hardware.compensation import Compensation
@@ -73,14 +74,18 @@ class DriveLoop:
         self.limits, self.stopping, self.measurements = limits, stopping, measurements
         self.gravity, self.compensation = gravity, compensation
         self.moving = PossibleAcceleration(stopping.inverses, robot.period)
-        self.names = [joint.name for joint in arm.primary_joints]
+        self.names, self.error_unit = [joint.name for joint in arm.primary_joints], error_unit(arm)
         self.times, self.held_state = LoopTimes(robot.period), HeldState(controller)
         self.feeling = Feeling(self.names)
         self.time, self.blind, self.good, self._logged = 0.0, 0, 0.0, -1.0
         self.stop: PlannedStop | None = None
         self.stopped, self.by_robot, self.interrupted, self.ended = "", False, False, False
         self.moves = False
-        self.peak_rate, self.peak_speed_share, self.first_error = 0.0, 0.0, 0.0
+        self.peak_rate, self.peak_speed_share, self.first_error, self.worst_error = 0.0, 0.0, 0.0, 0.0
+
+    def __str__(self) -> str:
+        doing = "stopping" if self.stop is not None else f"driving, {self.time:.0f} of {self.duration:g} s"
+        return f"{doing}, worst error {1e3 * self.worst_error:.3g} {self.error_unit}"
 
     def run(self, now: RobotReading, own: Array, held: Array) -> None:
         """Run to the end or a stop, from the controller's torque at rest (r,) and one that holds the arm (r,)."""
@@ -287,8 +292,10 @@ class DriveLoop:
         return state if own is None or not own.any() else self.held_state.with_estimate(state, own)
 
     def _note(self, reading: RobotReading, point: ReferencePoint, before: Array, sent: Array) -> None:
+        error = float(np.abs(reading.p - point.p).max())
         if self.times.histogram.sum() <= 1:
-            self.first_error = float(np.abs(reading.p - point.p).max())
+            self.first_error = error
+        self.worst_error = max(self.worst_error, error)
         change: Array = np.abs(sent - before)
         self.peak_rate = max(self.peak_rate, float(change.max()) / self.robot.period)
         share = np.abs(reading.v) / self.limits.velocity

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked, positive_period
 from adaptctl.dynamics import Mechanism
+from adaptctl.hardware.checks import validate_posture
 from adaptctl.hardware.gravity import GravityTorque
 from adaptctl.hardware.robot import HardwareLimits, RobotReading
 from adaptctl.optional_packages import needed
@@ -51,7 +52,7 @@ class MuJoCoRobot:
     Raises
     ------
     InputError
-        If the start has another number of joints.
+        If the start has another number of joints, or is outside their ranges.
     MissingExtraError
         If MuJoCo is not installed.
 
@@ -86,6 +87,7 @@ class MuJoCoRobot:
         self._gravity = GravityTorque(own)
         home: Any = np.array([self.plant.model.qpos0[j] for j in self._places])  # type: ignore[union-attr]
         p = _within(home, self.limits) if start is None else checked(start, arm.dof, "start")
+        validate_posture(p, self.joints, self.limits)
         self._state, self._rest = self.plant.init(p, np.zeros(arm.dof)), np.zeros(arm.dof)
         self._torque, self._braked, self._count, self._began = self._rest, True, 0, time.monotonic()
 

@@ -71,5 +71,14 @@ def received(link: socket.socket, k: int, r: int, patience: float) -> tuple[np.n
 
 
 if __name__ == "__main__":
-    name, seconds, port = (*sys.argv[1:], *("20", "5150")[len(sys.argv) - 2 :])
-    main(name, float(seconds), int(port))
+    try:
+        name, seconds, port = (*sys.argv[1:], *("20", "5150")[max(len(sys.argv) - 2, 0) :])
+        if name.startswith("-"):
+            raise ValueError
+        duration, number = float(seconds), int(port)
+    except ValueError:
+        sys.exit(str(__doc__).strip())
+    try:
+        main(name, duration, number)
+    except adaptctl.AdaptctlError as error:
+        sys.exit(str(error))
