@@ -28,9 +28,8 @@ CASES = {
 
 @pytest.fixture
 def short() -> Iterator[None]:
-    """Mechanisms of any length count as long, and more than four states as many."""
+    """Mechanisms of any length count as long."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(array_equations, "STATES_AT_ONCE", 4)
         patch.setattr(array_equations, "MAX_JOINT_LINK_PAIRS", 0)
         yield
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked, same_samples, stacked, stacked_rows, writable
+from adaptctl.caching import cached_property
 from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
 from adaptctl.description import Description
 from adaptctl.description.reach import depths
@@ -86,12 +87,12 @@ class ArrayEquation:
         arrays = {what: checked(values, size, f"{self._name}: {what}") for (what, size), values in pairs}
         return list(arrays.values()), same_samples(**arrays)
 
-    def on_rows(self, *arrays: Array) -> Array:
+    def on_rows(self, *arrays: Array, out: Array | None = None) -> Array:
         """Vectors (k, m) at k arguments, by native code if compiled."""
         if self._kernel is None:
-            return self._generally(*arrays)
+            return self._generally(*arrays, out=out)
         first, *rest = arrays
-        found: Array = self._kernel.map(first if self._configured is None else self._configured(first), *rest)
+        found: Array = self._kernel.map(first if self._configured is None else self._configured(first), *rest, out=out)
         return found
 
     def into(self, out: Array, *arguments: ArrayLike) -> Array:
@@ -146,7 +147,9 @@ class ArrayEquation:
             return None
         from adaptctl.compilation import compile_function
 
-        sizes = {"q": self._links, **dict(list(self._lengths().items())[1:])}
+        sizes = dict(self._lengths())
+        if self._configured is not None:  # then it is given the closed configuration
+            sizes[next(iter(sizes))] = self._links
         function = self._function
         kernel = compile_function(lambda **columns: function(*columns.values()), sizes, name=self._name, finite=True)
         if self._configured is not None:
@@ -170,44 +173,48 @@ def _rows(array: Array, samples: tuple[int, ...]) -> Array:
     return whole.reshape(math.prod(samples), size)
 
 
-STATES_AT_ONCE = 64
-"""states per computation"""
-
-
 class RowByRow:
-    """Regressor computed row by row, as the whole takes long to compile."""
+    """Regressor of a long mechanism: its motion, then all rows in lanes, which is shorter code than row after row."""
 
     def __init__(
-        self, whole: ArrayEquation, powers: ArrayEquation, rows: int, columns: Sequence[int] | None = None
+        self,
+        whole: ArrayEquation,
+        motion: ArrayEquation,
+        powers: ArrayEquation,
+        dof: int,
+        columns: Sequence[int] | None,
     ) -> None:
-        self._whole, self._powers, self._rows = whole, powers, rows
+        self._whole, self._motion, self._powers, self._dof = whole, motion, powers, dof
         self._columns = None if columns is None else list(columns)
+        self._native = False
 
     def call(self, *arguments: ArrayLike) -> Array:
         """Regressors (..., r, k) at arguments (..., r)."""
+        if self._native and all(type(x) is np.ndarray and x.shape == (self._dof,) for x in arguments):
+            with suppress(InputError):  # which is raised below, in this equation's words
+                return self._chosen(self._all_rows(self._numbers(*arguments)))
         arrays, samples = self._whole.arrays_of(*arguments)
         count = math.prod(samples)
-        if not count or (not self._powers.is_native(count * self._rows) and count != 1):
+        self._native = self._native or (count > 0 and self._powers.is_native(count * self._dof))
+        if not count or not (self._native or count == 1):
             return self._whole.call(*arguments)
-        if not samples:
-            return self._rows_at(*arrays)
-        given = [np.broadcast_to(x, (*samples, x.shape[-1])).reshape(count, x.shape[-1]) for x in arrays]
-        first = self._rows_at(*(x[:STATES_AT_ONCE] for x in given))
-        found = np.empty((count * self._rows, first.shape[1]))
-        found[: len(first)] = first
-        for k in range(STATES_AT_ONCE, count, STATES_AT_ONCE):
-            found[k * self._rows : (k + STATES_AT_ONCE) * self._rows] = self._rows_at(
-                *(x[k : k + STATES_AT_ONCE] for x in given)
-            )
-        return found.reshape(*samples, self._rows, first.shape[1])
+        numbers = self._numbers(*arrays)
+        states = numbers.reshape(count, numbers.shape[-1])
+        rows = self._all_rows(states[0])
+        found = np.empty((count, *self._chosen(rows).shape))
+        for k, state in enumerate(states):
+            found[k] = self._chosen(self._all_rows(state, rows))
+        return found.reshape(*samples, *found.shape[1:])
 
-    def _rows_at(self, *states: Array) -> Array:
-        units = unit_rows(self._rows)
-        if states[0].ndim > 1:
-            units = np.tile(units, (len(states[0]), 1))
-            states = tuple(np.repeat(x, self._rows, axis=0) for x in states)
-        p, v, *reference = states
-        rows = self._powers.on_rows(p, v, *(reference if len(reference) == 2 else (v, *reference)), units)
+    def _numbers(self, p: ArrayLike, v: ArrayLike, *reference: ArrayLike) -> Array:
+        """Numbers (..., m) of motions."""
+        return self._motion.call(p, v, *(reference if len(reference) == 2 else (v, *reference)))
+
+    def _all_rows(self, numbers: Array, out: Array | None = None) -> Array:
+        """Rows (r, P) of a motion's numbers (m,)."""
+        return self._powers.on_rows(numbers, unit_rows(self._dof), out=out)
+
+    def _chosen(self, rows: Array) -> Array:
         return rows if self._columns is None else rows[:, self._columns]
 
     def into(self, out: Array, *arguments: ArrayLike) -> Array:
@@ -261,6 +268,10 @@ class ArrayMechanism(Protocol):
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the P parameters."""
 
+    @property
+    def neutral_configuration(self) -> Array:
+        """Positions (r,) at which loops are closed."""
+
     def configuration(self, p: ArrayLike) -> Array:
         """Closed configuration (..., n) at positions `p` (..., r)."""
 
@@ -289,7 +300,9 @@ class ArrayEquations:
         self.inverse_dynamics = self.of(torque, "v", "a", "parameters")
         self.forward_dynamics = self.of(accelerations, "v", "torque", "parameters")
         self.mass_matrix = self.of(inertia, "parameters")
-        self._powers = self.of(self._all_powers, "v", "v_r", "a_r", "s")
+        self._motion = self.of(
+            lambda q, v, v_r, a_r: mechanism.equations.motion(q, v, v_r, a_r).numbers, "v", "v_r", "a_r"
+        )
         self.torque_regressor, self.slotine_li_regressor = (self._regressor(name, None) for name in REGRESSORS)
 
     def on_columns(self, regressor: str, columns: tuple[int, ...]) -> OnArrays:
@@ -338,8 +351,20 @@ class ArrayEquations:
             whole = self.of(rows, "v", "v_r", "a_r", compiled=not long)
         else:
             whole = self.of(lambda q, v, a: rows(q, v, v, a), "v", "a", compiled=not long)
-        return RowByRow(whole, self._powers, mechanism.dof, columns) if long else whole
+        return RowByRow(whole, self._motion, self._powers, mechanism.dof, columns) if long else whole
 
-    def _all_powers(self, q: Column, v: Column, v_r: Column, a_r: Column, s: Column) -> Column:
-        equations = self._mechanism.equations
-        return equations.motion(q, v, v_r, a_r).regressor_transpose_product(s, range(equations.parameters))
+    @cached_property
+    def _powers(self) -> ArrayEquation:
+        """Powers (P,) of a motion under joint rates s (r,), from its numbers."""
+        mechanism = self._mechanism
+
+        def powers(numbers: Column, s: Column) -> Column:
+            equations = mechanism.equations
+            return equations.restored_motion(numbers).regressor_transpose_product(s, range(equations.parameters))
+
+        def sizes() -> dict[str, int]:
+            rest = np.zeros(mechanism.dof)
+            numbers = self._motion.call(mechanism.neutral_configuration, rest, rest, rest)
+            return {"numbers": numbers.size, "s": mechanism.dof}
+
+        return ArrayEquation(mechanism.name, powers, sizes, len(mechanism.description.links))
