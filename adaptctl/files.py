@@ -258,7 +258,10 @@ def similar(path: str | Path) -> str:
             names = [entry.name for entry in islice(entries, MAX_LISTED) if entry.is_file()]
     except (OSError, ValueError):
         return ""
-    return "" if place.name in names else suggested_name(place.name, names, SIMILAR)
+    if place.name in names:
+        return ""
+    others = [name for name in names if Path(name).stem == place.stem]
+    return suggested_name(place.name, names, SIMILAR) or suggested_name(place.name, others, 0.0)
 
 
 def validate_readable(path: str | Path) -> None:
@@ -301,7 +304,9 @@ def read_toml(path: str | Path, kind: type[Content]) -> Content:
     try:
         plain = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
-        raise FileError(f"{path}: not valid TOML ({error})") from error
+        kind_given = Path(path).suffix
+        told = "not valid TOML" if kind_given in ("", ".toml") else f"expected a TOML file, got a {kind_given}"
+        raise FileError(f"{path}: {told} ({error})") from error
     return typed(path, plain, kind, MAX_MAGNITUDE, text)
 
 

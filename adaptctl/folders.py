@@ -35,6 +35,7 @@ AT_FDCWD, RENAME_EXCHANGE = -100, 2
 def replacing_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
     """Context with a temporary folder that replaces `path` at success."""
     target = real_place(path)
+    made = not target.parent.exists()
     _validate_place(path, target, overwrite)
     _validate_alone(path, target)
     beside = _staged(path, target)
@@ -49,6 +50,9 @@ def replacing_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path
         raise FileError(f"{path}: cannot be written ({reason(error)})") from error
     finally:
         shutil.rmtree(beside, ignore_errors=True)
+        with suppress(OSError):  # not empty, after success
+            if made:
+                target.parent.rmdir()
 
 
 def made_folder(path: Path) -> Path:

@@ -152,6 +152,21 @@ DRIVE = ("drive", "mujoco", "two_link", "--robot", "two_link", "--duration", "1"
         (("basis", "two_link", "--gravity", "0,0,-9.81"), "separate them by blanks: --gravity 0 0 -9.81. See"),
         (("basis", "two_link", "--gravity=0, 0, 9.81"), "separate them by blanks: --gravity 0 0 9.81. See"),
         (("basis", "two_link", "--lock", "elbow 0.2"), "no joint 'elbow 0.2'; write elbow=0.2; joints:"),
+        (("basis", "two_link", "--lock", "elbow", "0.2"), "expected JOINT=VALUE, got '0.2'; write elbow=0.2"),
+        (("tune", "two_link", "--control-period", "100Hz"), "in s, got '100Hz'; write 0.01"),
+        (("help",), "Did you mean adaptctl --help?"),
+        (("version",), "Did you mean adaptctl --version?"),
+        (("experiment", "run", "--list"), "Did you mean adaptctl experiment list?"),
+        (("experiment", "adaptive"), "Did you mean adaptctl experiment run adaptive?"),
+        (("sweep", "run", "adaptive", "--out", "a"), "Did you mean adaptctl sweep adaptive?"),
+        (("sweep", "a.urdf", "--out", "a"), "unknown experiment or study 'a.urdf'; adaptive --robot a.urdf is one;"),
+        (("sweep", "report"), "FOLDER is missing: results folder of a sweep. See adaptctl sweep report --help"),
+        (("identify", "a.urdf", "log.csv"), "--robot is missing: write --robot a.urdf"),
+        ((*DRIVE, "--amplitude", "90"), "--amplitude: expected at most 3.2 rad (m), got 90: is it in deg?"),
+        (
+            ("experiment", "convert", "gone", "--to", "mcap"),
+            "gone/trace.parquet: does not exist; give a results folder",
+        ),
         (("basis", "two_link", "--lock", "elbow=0,2"), "got '0,2'; write elbow=0.2, with a point"),
         ((*RUN, "--gain-scale", "-1"), "gain_scale: expected a number from 1e-06 to 1000, got -1"),
     ],
@@ -166,6 +181,17 @@ def test_wrong_command_lines_are_refused_in_a_line(
     monkeypatch.chdir(tmp_path)
     assert told in refused(capsys, *command)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_of_the_same_name_or_of_another_kind_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("gantry.toml").touch()
+    Path("arm.urdf").write_text("<robot/>")
+    assert "(did you mean 'gantry.toml'?)" in refused(capsys, "basis", "gantry.urdf")
+    assert "arm.urdf: expected a TOML file, got a .urdf" in refused(capsys, "contest", "arm.urdf", "--out", "a")
+    assert "gone.xml: cannot be read" in refused(capsys, "drive", "mujoco", "gone.xml", *DRIVE[3:])
 
 
 def test_unknown_robot_is_told_what_exists(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -298,7 +298,7 @@ def test_contacts_are_mujocos() -> None:
         ({"body": "nobody"}, "unknown body 'nobody'"),
         ({"control_period": 0.0}, "control_period: expected a positive time"),
         ({"torque_limits": -1.0}, "torque_limits: expected"),
-        ({"robot": "none.xml"}, "none.xml: MuJoCo"),
+        ({"robot": "none.xml"}, "none.xml: cannot be read"),
         ({"robot": "nobody"}, "unknown robot 'nobody'"),
     ],
 )
@@ -365,7 +365,7 @@ def test_experiments_run_on_mujoco(tmp_path: Path) -> None:
     [
         (["--plant", "bullet"], "plant: expected adaptctl, mujoco or both, got 'bullet'"),
         (["--plant", "mujoco", "--root", "nobody", "--robot", str(SCENE)], "unknown body 'nobody'"),
-        (["--plant", "mujoco", "--robot", "none.xml"], "none.xml: MuJoCo:"),
+        (["--plant", "mujoco", "--robot", "none.xml"], "none.xml: cannot be read"),
         (["--root", "stand"], "root: only for MJCF files"),
     ],
 )

@@ -25,6 +25,8 @@ SCHEMA = "adaptctl/drive/1"
 DONE, FAILED = 0, 3
 FAST = 60.0
 """rad/s, corner frequency of the observer of external torques"""
+MAX_AMPLITUDE = 3.2
+"""rad (m)"""
 ROUNDING = 1e-12
 """rad (m)"""
 Vendor = Literal["franka", "trossen", "ur", "udp", "mujoco"]
@@ -153,6 +155,8 @@ def _driven(
     duration, amplitude = motion
     positive_number(duration, "--duration: expected a positive time in s")
     positive_number(amplitude, "--amplitude: expected a positive amplitude in rad")
+    if amplitude > MAX_AMPLITUDE:
+        raise InputError(f"--amplitude: expected at most {MAX_AMPLITUDE:g} rad (m), got {amplitude:g}: is it in deg?")
     if robot.limits.dof != arm.dof:
         raise InputError(f"--robot: {arm.name} has {arm.dof} joints, but the robot at {address} {robot.limits.dof}")
     here, limits = robot.read(), robot.limits.within(HardwareLimits.of(arm))

@@ -212,7 +212,13 @@ def _files(
         with example(name) as files:
             yield (files.log,), str(files.robot), drives or files.drives
     elif robot is None:
-        raise InputError(f"--robot is missing: give a robot file, or try the example: adaptctl identify {NAMES[0]}")
+        robots = [str(log) for log in logs if log.suffix in (".urdf", ".xml", ".toml")]
+        given = (
+            f"write --robot {robots[0]}"
+            if robots
+            else f"give a robot file, or try the example: adaptctl identify {NAMES[0]}"
+        )
+        raise InputError(f"--robot is missing: {given}")
     else:
         yield logs, robot, drives
 

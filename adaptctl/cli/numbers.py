@@ -83,6 +83,8 @@ def _instead(text: str, unit: str, kinds: Sequence[object]) -> str:
         return f"{expected}; numbers are separated by blanks: {' '.join(parts)}"
     if (found := NUMBER_AND_UNIT.fullmatch(text.strip())) is None:
         return expected
+    if (found[2], unit) in (("Hz", "s"), ("s", "Hz")) and float(found[1]):
+        return f"{expected}; write {1.0 / float(found[1]):.10g}"
     factor = 1.0 if found[2] == unit else FACTORS.get((found[2], unit))
     if factor is None:
         return f"{expected}; write the number alone{f', in {unit}' if unit else ', in the unit that --help states'}"

@@ -17,6 +17,7 @@ from cyclopts import (
 
 from adaptctl.cli.numbers import told_by_help
 from adaptctl.errors import InputError, suggested_name
+from adaptctl.experiments import EXPERIMENTS
 from adaptctl.renamed import NOW_DEFAULT, new_name
 
 TOO_FEW = re.compile(r"arameter (\S+) requires (\d+) positional arguments\.(?: Only got (\d+)\.)?")
@@ -24,11 +25,14 @@ OUT = "--out"
 LIKE, MOST_LISTED = 0.6, 12
 """likeness of a flag that may have been meant, and most flags that are listed"""
 ROBOT_SUFFIXES = (".toml", ".urdf", ".xml", ".mjcf")
-PARTS_OF = {"run": "experiment", "list": "experiment", "compare": "experiment", "convert": "experiment"} | {
-    "status": "sweep",
-    "report": "sweep",
+MEANT = {name: f"experiment {name}" for name in ("run", "list", "compare", "convert")} | {
+    "status": "sweep status",
+    "report": "sweep report",
+    "--list": "experiment list",
+    "help": "--help",
+    **dict.fromkeys(("version", "-v", "-V"), "--version"),
 }
-"""commands of commands"""
+"""commands that are meant by parts of others, and by words that other programs have"""
 
 
 def reason(error: CycloptsError, given: Sequence[str], app: App) -> object:
@@ -57,7 +61,8 @@ def _missing(error: CycloptsError, given: Sequence[str]) -> str:
     name = error.argument.name.removeprefix("--") if error.argument.name.isupper() else error.argument.name
     what = told_by_help(error.target, error.argument).partition(". ")[0].rstrip(".")
     such = f", such as {OUT} results/new" if name == OUT else ""
-    return f"{name} {'needs a value' if name in given else 'is missing'}: {what[:1].lower()}{what[1:]}{such}."
+    told = f": {what[:1].lower()}{what[1:]}{such}" if what else ""
+    return f"{name} {'needs a value' if name in given else 'is missing'}{told}."
 
 
 def _too_few(error: CycloptsError, given: Sequence[str]) -> str:
@@ -77,8 +82,10 @@ def _elsewhere(error: CycloptsError) -> str:
     word, chain = error.unused_tokens[0], error.command_chain or ()
     if word.endswith(ROBOT_SUFFIXES):
         meant = f"experiment run adaptive --robot {word}" if "experiment" in chain else f"tune {word}"
-    elif not chain and word in PARTS_OF:
-        meant = f"{PARTS_OF[word]} {word}"
+    elif chain in ((), ("experiment",)) and word in (entry.name for entry in EXPERIMENTS):
+        meant = f"experiment run {word}"
+    elif word in MEANT:
+        meant = MEANT[word]
     else:
         return ""
     return f"Unknown command {word!r}. Did you mean adaptctl {meant}?"
@@ -92,6 +99,8 @@ def _left_over(error: CycloptsError, given: Sequence[str]) -> str:
     robots = [word for word in words if word.endswith(ROBOT_SUFFIXES)]
     if robots and "experiment" in (error.command_chain or ()):
         hint = f" Did you mean --robot {robots[0]}?"
+    elif given[:2] == ["sweep", "run"]:
+        hint = f" Did you mean adaptctl sweep {words[0]}?"
     else:
         hint = _joined(words, given)
     return f"{' '.join(map(repr, words))}: no argument of this command.{hint}"

@@ -20,6 +20,7 @@ STATUS_SCHEMA = "adaptctl/sweep/2"
 MAX_UNASKED_RUNS = 20_000
 """Runs that are not started without being asked for."""
 WHERE, WHAT = "Execution", "Runs"
+Swept = Annotated[Path, Parameter(name="FOLDER", help="Results folder of a sweep.")]
 
 app = App(name="sweep")
 
@@ -27,6 +28,7 @@ app = App(name="sweep")
 @app.default
 def sweep(
     target: Annotated[str, Parameter(name="EXPERIMENT|STUDY")],
+    /,
     *,
     out: Annotated[Path, Parameter(metavar="DIR", group=WHAT)],
     controllers: Annotated[str, Parameter(group=WHAT)] = "",
@@ -154,7 +156,7 @@ def _validate_none_failed(folder: Path) -> None:
 
 
 @app.command
-def status(folder: Path, *, json: Json = False) -> int:
+def status(folder: Swept, /, *, json: Json = False) -> int:
     """
     Print the progress of a sweep, and its results so far.
 
@@ -174,7 +176,7 @@ def status(folder: Path, *, json: Json = False) -> int:
 
 
 @app.command
-def report(folder: Path) -> int:
+def report(folder: Swept, /) -> int:
     """Write report.html of what a sweep has so far: maps, the worst runs, and the commands that show them."""
     from adaptctl.sweeps.report import write_report
 

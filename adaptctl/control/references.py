@@ -161,7 +161,8 @@ class Sinusoids:
             given = getattr(self, name)
             blank = given is None and name == "phase"
             rows = np.zeros((terms, center.size)) if blank else np.atleast_2d(numbers(given, name))
-            object.__setattr__(self, name, frozen_array(rows, (terms, center.size), name))
+            what = f"{name}, a row for each sinusoid and a column for each joint" if terms > 1 else name
+            object.__setattr__(self, name, frozen_array(rows, (terms, center.size), what))
         if not 0.0 <= real_number(self.start_time, "start_time") < math.inf:
             raise InputError(f"start_time: expected a finite time of at least 0 s, got {self.start_time}")
 

@@ -26,6 +26,8 @@ def locked_words(words: Iterable[str]) -> dict[str, float | None]:
     found: dict[str, float | None] = {}
     for word in words:
         name, mark, text = word.partition("=")
+        if found and re.fullmatch(r"[-+]?\d*\.?\d+", word):
+            raise InputError(f"lock: expected JOINT=VALUE, got {word!r}; write {list(found)[-1]}={word}")
         try:
             value = float(text) if mark else None
         except ValueError:

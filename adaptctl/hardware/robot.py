@@ -215,7 +215,8 @@ def validate_robot(robot: object) -> None:
     absent = [name for name in REQUIRED if not hasattr(robot, name)]
     if absent:
         raise InputError(
-            f"robot: {type(robot).__name__} has no {', '.join(absent)}: expected an object with {', '.join(REQUIRED)}"
+            f"robot: {type(robot).__name__} has no {', '.join(absent)}; expected a robot, such as "
+            "adaptctl.hardware.MuJoCoRobot(mechanism)"
         )
     if not isinstance(robot.limits, HardwareLimits):  # type: ignore[attr-defined]  # it was looked for
         raise InputError("robot: expected `limits` to be HardwareLimits(torque, velocity, lower, upper, torque_rate)")

@@ -96,6 +96,8 @@ def _unit(field: pa.Field) -> str:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[pq.ParquetFile]:
+    if not path.exists():
+        raise FileError(f"{path}: does not exist; give a results folder of adaptctl experiment run")
     validate_readable(path)
     try:
         with pq.ParquetFile(path) as file:

@@ -28,7 +28,7 @@ from adaptctl.errors import (
     SimplificationWarning,
     suggested_name,
 )
-from adaptctl.files import validate_readable
+from adaptctl.files import similar, validate_readable
 from adaptctl.simulation.period import PlantState
 from adaptctl.simulation.plant import Plant
 from adaptctl.simulation.push import HandPush, validate_pushes
@@ -269,6 +269,8 @@ def as_mujoco(robot: str | Path | Mechanism | mujoco.MjModel) -> mujoco.MjModel:
     if isinstance(robot, str) and robot in builtin_names():
         robot = builtin_file(robot)
     if isinstance(robot, str | Path) and Path(robot).suffix.lower() in (".xml", ".mjcf"):
+        if not Path(robot).exists():
+            raise FileError(f"{robot}: cannot be read (no such file or directory){similar(robot)}")
         validate_readable(robot)
         try:
             return _held(robot, mujoco.MjModel.from_xml_path(str(robot)))

@@ -16,6 +16,7 @@ import numpy as np
 
 from adaptctl.caching import cached_property
 from adaptctl.compilation.lanes import Precision, validate_precision
+from adaptctl.description.readers.registry import READERS
 from adaptctl.errors import FileError, InputError, NotFoundError, suggested_name
 from adaptctl.experiments import EXPERIMENTS, RENAMED, find
 from adaptctl.experiments.experiment import CheckedSettings
@@ -95,7 +96,8 @@ class SweepStudy:
             path = Path(target)
         if path.suffix != ".toml":
             names = [*(entry.name for entry in EXPERIMENTS), *shipped()]
-            guess = suggested_name(target, names, least=0.4)
+            is_robot = path.suffix in READERS
+            guess = f"; adaptive --robot {target} is one" if is_robot else suggested_name(target, names, least=0.4)
             raise NotFoundError(f"unknown experiment or study {target!r}{guess}; known: {', '.join(names)}")
         try:
             return cls._made(read_toml(path, StudyFile), given, options)

@@ -283,7 +283,7 @@ def _rank(effect: Any) -> int:
 
 def listed(effects: Iterable[Effect]) -> tuple[Effect, ...]:
     """Effects as a tuple, else `InputError`."""
-    if not isinstance(effects, Iterable):
+    if isinstance(effects, str) or not isinstance(effects, Iterable):
         raise InputError(f"effects: expected a sequence, such as [ControlDelay(2)], got {shown(effects)}")
     return tuple(effects)
 
