@@ -235,6 +235,14 @@ class Description:
         return stacked
 
     @cached_property
+    def longest_offset(self) -> float:
+        """Largest distance in m from a joint to the next or to its link's frame."""
+        hung = [(self.links[k.parent].joint_to_link, k.parent_to_joint) for k in self.links if k.parent != GROUND]
+        offsets = [near.rotation @ far.translation + near.translation for near, far in hung]
+        offsets += [k.joint_to_link.translation for k in self.links]
+        return float(np.linalg.norm(np.reshape(offsets, (-1, 3)), axis=1).max(initial=0.0))
+
+    @cached_property
     def massless_joints(self) -> tuple[str, ...]:
         """Names of end links without inertia and rotor, which torques cannot accelerate; empty with loops."""
         return () if self.loops is not None else weightless_ends(self.links)

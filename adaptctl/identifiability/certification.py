@@ -32,9 +32,9 @@ from adaptctl.identifiability.energy_matrix import (
 )
 from adaptctl.identifiability.proof.exact_energies import ExactEnergies, proved
 from adaptctl.identifiability.proof.exact_geometry import taken_as_exact
-from adaptctl.identifiability.proof.joint_frames import AS_GIVEN, canonical_frames
+from adaptctl.identifiability.proof.joint_frames import AS_GIVEN
 from adaptctl.identifiability.regrouping import NullSpace, null_residual, unscaled_bases
-from adaptctl.identifiability.sampling import characteristic_length, random_halves, random_states, whereabouts
+from adaptctl.identifiability.sampling import random_halves, random_states, whereabouts
 
 # Number of a tree's parameters from which on its null space is found joint by joint.
 MIN_PARAMETERS_FOR_TRANSFERS = 100
@@ -105,7 +105,7 @@ def certified_by_decomposition(
         near_right_angles=near_right_angles(mechanism.description),
         rank_exact=None if proof is None else proof.rank,
         proof_method="" if proof is None else proof.method,
-        taken_as_exact=_taken_as_exact(mechanism),
+        taken_as_exact=_taken_as_exact(mechanism, proof),
     )
     _validate_accepted(mechanism, certificate, scaled.singular_values)
     found = DecomposedNullSpace(scaled, energy_scales(mechanism, seed))
@@ -144,7 +144,7 @@ def certified_by_transfers(
         near_right_angles=near_right_angles(mechanism.description),
         rank_exact=None if proof is None else proof.rank,
         proof_method="" if proof is None else proof.method,
-        taken_as_exact=_taken_as_exact(mechanism),
+        taken_as_exact=_taken_as_exact(mechanism, proof),
     )
     _validate_accepted(mechanism, certificate, once.singular_values)
 
@@ -155,9 +155,9 @@ def certified_by_transfers(
     return CertifiedNullSpace(found, certificate, energies, _origin(mechanism, samples, seed), proof)
 
 
-def _taken_as_exact(mechanism: Mechanism) -> tuple[str, ...]:
-    frames = canonical_frames(mechanism.description, characteristic_length(mechanism), AS_GIVEN)
-    return taken_as_exact(mechanism.description, frames)
+def _taken_as_exact(mechanism: Mechanism, proof: ExactEnergies | None) -> tuple[str, ...]:
+    given = proof if proof is not None and proof.precision is AS_GIVEN else ExactEnergies(mechanism)
+    return taken_as_exact(mechanism.description, given.frames)
 
 
 def _origin(mechanism: Mechanism, samples: int, seed: int) -> str:

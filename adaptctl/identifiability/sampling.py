@@ -11,9 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adaptctl.arrays import Array, checked, whole_number
-from adaptctl.description import GROUND
 from adaptctl.description.description import STANDARD_GRAVITY
-from adaptctl.description.pose import Pose
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, validate_kind
 
@@ -175,15 +173,8 @@ class States:
 
 def characteristic_length(mechanism: Mechanism) -> float:
     """Return the largest distance in m from a joint to the next or to its link's frame."""
-    links = mechanism.links
-    offsets = [_offset(links[k.parent].joint_to_link, k.parent_to_joint) for k in links if k.parent != GROUND]
-    offsets += [k.joint_to_link.translation for k in links]
-    longest = float(np.linalg.norm(np.reshape(offsets, (-1, 3)), axis=1).max(initial=0.0))
+    longest = mechanism.description.longest_offset
     return longest if longest > 1e-9 else 1.0
-
-
-def _offset(first: Pose, second: Pose) -> Array:
-    return first.rotation @ second.translation + first.translation
 
 
 def random_states(mechanism: Mechanism, samples: int, generator: np.random.Generator) -> States:

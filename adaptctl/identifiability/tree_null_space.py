@@ -111,22 +111,29 @@ def _chosen(columns: Array, importance: Array, tolerance: float) -> tuple[Indice
 
 def _collected(selections: Sequence[_LinkSelection], parameters: int) -> Regrouping:
     order = np.concatenate([selection.kept for selection in selections])
-    row = np.full(parameters, -1)
+    row, column = np.full(parameters, -1), np.full(parameters, -1)
     row[order] = np.arange(len(order))
-    coefficients = np.zeros((len(order), parameters))
-    coefficients[np.arange(len(order)), order] = 1.0
-    end = len(order)
-    for selection in reversed(selections):
-        begin = end - len(selection.kept)
-        coefficients[begin:end, selection.dependent] = selection.coefficients
-        coefficients[end:, selection.represented] = coefficients[end:, selection.representatives] @ selection.weights
-        later = selection.representatives[row[selection.representatives] >= 0]
-        coefficients[begin:end] -= coefficients[begin:end, later] @ coefficients[row[later]]
-        end = begin
     removed = np.flatnonzero(row < 0)
+    column[removed] = np.arange(len(removed))
+    coefficients = np.zeros((len(order), len(removed)))
+    end = len(order)
+    for own in reversed(selections):
+        begin, (gone, kept) = end - len(own.kept), _apart(own.dependent, row)
+        coefficients[begin:end, column[own.dependent[gone]]] = own.coefficients[:, gone]
+        if len(own.represented):
+            (passed, stays) = _apart(own.representatives, row)
+            of_them = coefficients[end:, column[own.representatives[passed]]] @ own.weights[passed]
+            of_them[row[own.representatives[stays]] - end] += own.weights[stays]
+            coefficients[end:, column[own.represented]] = of_them
+        coefficients[begin:end] -= own.coefficients[:, kept] @ coefficients[row[own.dependent[kept]]]
+        end = begin
     rising = np.argsort(order)
-    matrix = coefficients[np.ix_(rising, removed)]
-    return Regrouping(tuple(order[rising].tolist()), tuple(removed.tolist()), matrix, len(order))
+    return Regrouping(tuple(order[rising].tolist()), tuple(removed.tolist()), coefficients[rising], len(order))
+
+
+def _apart(indices: Indices, row: Indices) -> tuple[Indices, Indices]:
+    """Places of the parameters that are removed in the end, and of those that an ancestor keeps."""
+    return np.flatnonzero(row[indices] < 0), np.flatnonzero(row[indices] >= 0)
 
 
 @dataclass(frozen=True, eq=False)
