@@ -14,7 +14,7 @@ from typing import TextIO
 from cyclopts import App, CycloptsError, Parameter
 
 from adaptctl.cli.heartbeat import heartbeat
-from adaptctl.cli.numbers import none_missing, plain_numbers
+from adaptctl.cli.numbers import none_missing, numbers_apart, plain_numbers
 from adaptctl.cli.refusals import called, reason
 from adaptctl.cli.robot import note_on
 from adaptctl.errors import (
@@ -94,7 +94,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     -----
     Errors of adaptctl and of the operating system and warnings become a line on stderr; other errors are bugs and pass.
     """
-    given = list(sys.argv[1:] if argv is None else argv)
+    given = numbers_apart(list(sys.argv[1:] if argv is None else argv))
     _write_any_character()
     heartbeat.doing("working")
     with _warnings_as_notes(), watching(heartbeat.during):

@@ -21,6 +21,13 @@ FACTORS = {
 }  # fmt: skip
 
 
+def numbers_apart(given: Sequence[str]) -> list[str]:
+    """Words of a command line, with the numbers of --gravity apart; settings of experiments and sweeps have commas."""
+    joined = given[:1] not in (["experiment"], ["sweep"])
+    pairs = zip(("", *given), given, strict=False)
+    return [part for flag, word in pairs for part in (word.split(",") if joined and flag == "--gravity" else [word])]
+
+
 def plain_numbers(app: App, commands: tuple[str, ...], arguments: ArgumentCollection) -> None:
     """Raise `InputError` for what is no number, 1.5 as a whole one, which cyclopts would round, and absurd sizes."""
     for argument in arguments:

@@ -24,7 +24,7 @@ MAX_OUTSIDE = 1e-6
 def locked_words(words: Iterable[str]) -> dict[str, float | None]:
     """Positions by names of joints, None where none is given, from words such as `elbow=0.5`."""
     found: dict[str, float | None] = {}
-    for word in words:
+    for word in (part for given in words for part in re.split(r",(?=[^\W\d])", given)):
         name, mark, text = word.partition("=")
         if found and re.fullmatch(r"[-+]?\d*\.?\d+", word):
             raise InputError(f"lock: expected JOINT=VALUE, got {word!r}; write {list(found)[-1]}={word}")
