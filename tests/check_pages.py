@@ -42,7 +42,8 @@ const look = async (least) => {
   const { violations } = await axe.run(document, { resultTypes: ["violations"] });
   const told = ({ id, impact, nodes }) => ({ id, impact, count: nodes.length, first: nodes[0].html.slice(0, 120) });
   const figures = [...document.querySelectorAll("article img")].filter(({ src }) => /[.](png|svg)$/.test(src));
-  const narrow = figures.filter(({ width }) => width < least).map(({ src }) => src.split("/").pop());
+  const small = figures.filter(({ width, naturalWidth }) => width < Math.min(least, naturalWidth));
+  const narrow = small.map(({ src }) => src.split("/").pop());
   return { wide: document.documentElement.scrollWidth, narrow, found: violations.map(told) };
 };
 (async () => {
