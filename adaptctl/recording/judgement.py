@@ -183,7 +183,8 @@ def facts(comparison: Comparison, by_joint: bool = False) -> Iterator[Fact]:
     yield Fact("Steps at a torque limit", f"{comparison.limited_steps(subject):,} of {len(subject.rollout.time):,}")
     yield Fact("Parameters", parameters(comparison))
     if names := comparison.open_names:
-        others = f" and {len(names) - FEW_NAMES} others" if len(names) > FEW_NAMES else ""
+        left = len(names) - FEW_NAMES
+        others = f" and {left} other{'s' if left > 1 else ''}" if left > 0 else ""
         yield Fact("Hardly excited", f"{', '.join(names[:FEW_NAMES])}{others}")
     if (factor := subject.realtime_factor) is not None:
         yield Fact("Simulated", f"{number(factor)} times faster than real time")
