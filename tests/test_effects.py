@@ -239,7 +239,9 @@ def test_friction_of_a_mechanism_with_loops_is_fast_where_its_links_are() -> Non
 def test_a_payload_is_picked_up_and_dropped(puma: Mechanism) -> None:
     """Before, while and after, the motion is that of an arm with the parameters of that time."""
     payload = Payload(2.0, np.array([0.0, 0.0, 0.1]))
-    env = TrackingEnv(puma, 1, duration=0.1, effects=[PayloadHeld(payload, 0.02, 0.06)])
+    taken = PayloadHeld(payload, 0.02, 0.06)
+    assert [taken.next_change_time(t) for t in (0.0, 0.02, 0.06)] == [0.02, 0.06, math.inf]
+    env = TrackingEnv(puma, 1, duration=0.1, effects=[taken])
     observation, info = env.reset(seed=0)
     own, loaded = puma.inertial_parameters, payload.added_to(puma.inertial_parameters, 5)
     plant, torque = Plant(puma, PERIOD), np.array([5.0, -30.0, 5.0, 0.5, 0.5, 0.5])

@@ -251,6 +251,12 @@ def test_steps_are_as_many_as_the_fastest_motion_needs(kind: str, share: float, 
     friction = Friction(viscous=by_friction * decay * (M + J))
     found = integration(wheel, (friction,), PERIOD, RungeKutta4(), Transmission.of(wheel, springs))
     assert found == (steps, RungeKutta4())
+    implicit = integration(wheel, (friction,), PERIOD, LinearlyImplicitEuler(), Transmission.of(wheel, springs))
+    assert implicit.substeps == (steps if kind == "springs" else 4)
+    if least := {"springs": 2, "dampers": steps}.get(kind):
+        assert Plant(wheel, PERIOD, least, effects=(springs,)).substeps == least
+        with pytest.raises(InputError, match="too few"):
+            Plant(wheel, PERIOD, least - 1, effects=(springs,))
 
 
 @pytest.mark.parametrize(

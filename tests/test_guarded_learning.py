@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import pytest
@@ -15,6 +15,8 @@ from sampled_loops import Loop, arm, gains, kinetic, loaded, loop, own_gain, pos
 
 from adaptctl import Plant, SlotineLi, adaptive_controller, simulate_many
 from adaptctl.arrays import Array
+from adaptctl.compilation import compile_function
+from adaptctl.compilation.kernel import Kernel
 from adaptctl.contest.entries import ContestEntry
 from adaptctl.control import AdaptiveState, GuardedLearning
 from adaptctl.control.adaptation.doubt import CLEAR
@@ -25,6 +27,7 @@ from adaptctl.control.adaptation.recalled_step import Flow, recalled_step
 from adaptctl.control.adaptation.stored import QUARANTINE
 from adaptctl.control.adaptation.symmetric import from_triangle
 from adaptctl.control.controller import ReferencePoint
+from adaptctl.control.pytree import leaves, like
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column, column, where
@@ -217,27 +220,42 @@ def test_long_rest_with_friction_and_noise_leaves_the_estimate(seconds: float) -
     assert np.abs(rest.error[-60:]).max() < 0.05
 
 
-def judged_by(name: str, rows: Array, weights: Array, missed: Array, noise: float, open_mind: float = 1.0) -> Any:
+class Verdict(NamedTuple):
+    payload: float
+    contact: float
+    change: Array
+
+
+@lru_cache
+def judging(name: str, open_mind: float, width: int) -> tuple[Kernel, list[Array]]:
+    """One period of the test, of which thousands are run, in native code; and the sums before the first."""
+    model, T = reduced(name), 0.01
+    zero, r, k = PayloadSums.zero(model), model.mechanism.dof, len(model.columns)
+    shares = Column([400.0] * r)
+    step = JudgedPeriod(T, 1.0, 0.0, shares, column(model.fundamental_parameters), column(gains(name).damping))
+    test = PayloadTest(model, column(open_mind * own_gain(name)))
+
+    def period(rows: Column, weights: Column, missed: Column, usual: Column, **sums: Column) -> tuple[Column, ...]:
+        split = [[Column(x.of[n * j : n * j + n]) for j in range(r)] for x, n in ((rows, k), (weights, width))]
+        verdict = test.judged(*split, missed, T * shares, usual, like(zero, sums.values()), step)
+        return Column((verdict.payload, verdict.contact)), verdict.change, *leaves(verdict.after)
+
+    start = [np.array(part, dtype=np.float64) for part in leaves(zero)]
+    sizes = {"rows": r * k, "weights": r * width, "missed": r, "usual": r}
+    return compile_function(period, sizes | {f"sum{i}": len(part) for i, part in enumerate(start)}, name="judged"), start
+
+
+def judged_by(name: str, rows: Array, weights: Array, missed: Array, noise: float, open_mind: float = 1.0) -> Verdict:
     """Verdict on missed torques (n, r) of regressors (n, r, k) and those of weights."""
-    model, r, T = reduced(name), rows.shape[1], 0.01
-    zero = PayloadSums.zero(model)
-    lines, hung = (type(part)(*map(column, part)) for part in (zero.lines, zero.weight))
-    sums = PayloadSums(column(zero.normal), column(zero.right), lines, hung)
-    shares, usual = Column([400.0] * r), Column([noise**2] * r)
-    trusted, damping = column(model.fundamental_parameters), column(gains(name).damping)
+    kernel, sums = judging(name, open_mind, weights.shape[-1])
     for Y, G, miss in zip(rows, weights, missed, strict=True):
-        step, test = (
-            JudgedPeriod(T, 1.0, 0.0, shares, trusted, damping),
-            PayloadTest(model, column(open_mind * own_gain(name))),
-        )
-        verdict = test.judged(list(map(column, Y)), list(map(column, G)), column(miss), T * shares, usual, sums, step)
-        sums = verdict.after
-    return verdict
+        flags, change, *sums = kernel.call(Y.ravel(), G.ravel(), miss, np.full(len(miss), noise**2), *sums)
+    return Verdict(*flags.tolist(), change)
 
 
 def judged(
     mass: float, seed: int, noise: float, offset: float = 0.05, vertical: float | None = None
-) -> tuple[Any, float]:
+) -> tuple[Verdict, float]:
     """Verdict on 3 s with a mass (kg) on the last link, or weights without inertia, or lines in time, and what its
     change leaves of the misses."""
     rng, model, T = np.random.default_rng(seed), reduced(ARM), 0.01
@@ -252,7 +270,7 @@ def judged(
     pushed = line if vertical is None else weights @ rng.normal(size=weights.shape[-1]) * vertical
     missed = (rows @ -change if mass else pushed) + noise * rng.normal(size=(300, 3))
     verdict = judged_by(ARM, rows, weights, missed, max(noise, 1e-3))
-    left = rows[-50:] @ (np.array(verdict.change.of) - change)
+    left = rows[-50:] @ (verdict.change - change)
     return verdict, float(np.abs(left).max() / max(np.abs(rows[-50:] @ change).max(), 1e-9))
 
 

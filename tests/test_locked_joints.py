@@ -135,11 +135,12 @@ def test_a_shaft_that_others_turn_is_not_held() -> None:
 def test_a_payload_hangs_on_a_link_by_the_name_in_the_urdf(arm: Path) -> None:
     model = pin.buildModelFromUrdf(str(arm))
     place = pin.SE3(pin.rpy.rpyToMatrix(0.3, 0.5, -1.0), np.array([0.3, 0.0, 0.05]))
-    model.appendBodyToJoint(4, pin.Inertia(1.5, np.array([0.02, 0.01, 0.08]), np.zeros((3, 3))), place)
+    center, inertia = np.array([0.02, 0.01, 0.08]), np.array([[0.3, 0.05, 0.02], [0.05, 0.4, -0.03], [0.02, -0.03, 0.25]])
+    model.appendBodyToJoint(4, pin.Inertia(1.5, center, inertia), place)
     p, z = np.array([0.1, 0.2, 0.7, -0.4]), np.zeros(4)
     expected = pin.aba(model, model.createData(), p, z, z)
     for held in (load(arm), load(arm).locked({})):
-        effects = [PayloadHeld(Payload(1.5, [0.02, 0.01, 0.08]), link="tool0")]
+        effects = [PayloadHeld(Payload(1.5, center, inertia), link="tool0")]
         plant = adaptctl.Plant(held, 1e-6, effects=effects)
         found = plant.step(plant.init(p, z), z).v / 1e-6
         np.testing.assert_allclose(found, expected, rtol=1e-5)

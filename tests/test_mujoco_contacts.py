@@ -115,14 +115,18 @@ RESTING = """
   <geom name="block" type="box" size=".1 .1 .1" pos=".5 .03 -.12"/>
   <body name="rod"><joint name="a" axis="0 1 0"/>
     <inertial mass="2" pos=".2 0 0" diaginertia=".01 .01 .01"/>
-    <geom type="sphere" size=".02" pos=".5 .03 0"/></body>
+    <geom type="sphere" size=".02 .02 .02" pos=".5 .03 0"/></body>
 </worldbody><actuator><motor joint="a" ctrlrange="-20 20"/></actuator></mujoco>
 """
 
 
-def test_the_force_of_a_contact_is_told_with_its_point(tmp_path: Path) -> None:
-    """A rod that rests on a block: the moment of the block's force is that of its weight, less the motor's."""
-    (tmp_path / "rod.xml").write_text(RESTING)
+@pytest.mark.parametrize("shapes", [("box", "sphere"), ("sphere", "box")])
+def test_the_force_of_a_contact_is_told_with_its_point(tmp_path: Path, shapes: tuple[str, str]) -> None:
+    """A rod that rests on a block: the moment of the block's force is that of its weight, less the motor's. MuJoCo
+    names a sphere before a box."""
+    block, tip = shapes
+    text = RESTING.replace('"box"', f'"{block}"').replace('"sphere" size=".02', f'"{tip}" size=".02')
+    (tmp_path / "rod.xml").write_text(text)
     arm = plant(tmp_path / "rod.xml")
     state = arm.init([0.0], [0.0])
     for _ in range(1000):
@@ -154,6 +158,25 @@ def test_a_push_turns_a_rod_by_its_moment_and_is_told(tmp_path: Path) -> None:
     np.testing.assert_allclose(told[1], [0.0, 0.0, 10.0, *place], atol=1e-3)
     assert not told[0].any()
     assert not told[3].any()
+
+
+def test_a_push_rises_and_falls_as_fast_within_its_duration() -> None:
+    push = HandPush([0.0, 0.0, 4.0], start=1.0, duration=4.0, rise=2.0)
+    times = (0.9, 1.0, 1.5, 3.0, 4.5, 5.0, 5.1)
+    assert [push.at(t)[2] for t in times] == pytest.approx([0.0, 0.0, 1.0, 4.0, 1.0, 0.0, 0.0])
+    at_once = replace(push, rise=0.0)
+    assert [at_once.at(t)[2] for t in times] == [0.0, 4.0, 4.0, 4.0, 4.0, 0.0, 0.0]
+
+
+def test_of_several_pushes_the_sum_is_told_and_the_mean_point_by_their_sizes(tmp_path: Path) -> None:
+    (tmp_path / "rod.xml").write_text(RESTING)
+    other = replace(SKYWARD, force=[0.0, 30.0, 0.0], point=[0.1, 0.03, 0.0])
+    arm = MuJoCoPlant.of(tmp_path / "rod.xml", 1e-3, pushes=(SKYWARD, other))
+    state = arm.init([-0.5], [0.0])
+    for _ in range(2):
+        state = arm.step(state, [0.0])
+    place = [0.2 * np.cos(0.5), 0.03, 0.2 * np.sin(0.5)]
+    np.testing.assert_allclose(state.flags, [0.0, 30.0, 10.0, *place], atol=1e-3)
 
 
 def test_a_push_is_that_of_its_states_time(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -66,10 +67,12 @@ def test_a_run_goes_to_tables_files_and_pictures(tmp_path: Path) -> None:
     np.testing.assert_array_equal(table["p.elbow"].to_numpy(), run.p[:, 1])
     run.save(tmp_path / "run.parquet")
     np.testing.assert_array_equal(adaptctl.Rollout.load(tmp_path / "run.parquet").estimate, run.estimate)
-    figure = run.plot(["waist", "elbow"])
+    figure = replace(run, joints=("waist", "elbow")).plot()
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["waist", "elbow"]
     assert len(figure.axes) == 4
-    assert "3,000 control periods of 0.001 s, 2 joints; completed" in run._repr_html_()
+    shown = run._repr_html_()
+    assert "3,000 control periods of 0.001 s, 2 joints; completed" in shown
+    assert "RMS error over the last 2 s: 1.82 mrad" in shown  # 0.01 exp(-t) from 1 s to 3 s
     with pytest.raises(InputError, match="joints: expected 2 names, got 1"):
         run.plot(["waist"])
 

@@ -162,14 +162,16 @@ def test_a_reference_beyond_range_or_speed_is_named() -> None:
     assert not told_of(Sinusoids([0.0], [2.0], [0.1]), arm)
     (told,) = told_of(MinimumJerk([[0.0], [3.5]], [0.0, 4.0]), arm)
     assert told == "reference: hinge goes to 3.5 rad, beyond -3.142 to 3.142"
-    (told,) = told_of(Sinusoids([0.0], [1.0], [0.5]), arm)
-    assert told.startswith("reference: hinge moves at ")
-    assert told.endswith(" rad/s, beyond 2")
+    for ends in ([[-1.5], [1.5]], [[1.5], [-1.5]]):
+        (told,) = told_of(MinimumJerk(ends, [0.0, 2.0]), arm)
+        assert told == "reference: hinge moves at 2.812 rad/s, beyond 2"
 
 
 def test_degrees_are_named() -> None:
     (told,) = told_of(MinimumJerk([[30.0], [90.0]], [0.0, 4.0]), rod(1.0, 0.1))
     assert told.endswith("; expected rad, and these look like degrees")
+    for ends in ([[30.0], [400.0]], [[-400.0], [30.0]]):  # beyond the range as degrees too
+        assert not any("degrees" in told for told in told_of(MinimumJerk(ends, [0.0, 4.0]), rod(1.0, 0.1)))
     free = rod(1.0, 0.1, lower=-math.inf, upper=math.inf)
     (told,) = told_of(MinimumJerk([[45.0], [90.0]], [0.0, 4.0]), free)
     assert told == "reference: hinge starts at 45 rad; expected rad, and these look like degrees"

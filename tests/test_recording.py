@@ -19,8 +19,9 @@ from rerun.chunk import RrdReader
 from robot_files import urdf
 
 from adaptctl.arrays import Array
-from adaptctl.description import Joint, JointKind
+from adaptctl.description import Joint, JointKind, Pose
 from adaptctl.description.drive import Drive
+from adaptctl.description.pose import NamedFrame
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.recursion.kinematics import joint_axes, link_poses
 from adaptctl.errors import InputError
@@ -32,7 +33,7 @@ from adaptctl.recording.report import report
 from adaptctl.recording.rerun_recording import estimated_links, legend_room, summary_markdown
 from adaptctl.recording.result import answers
 from adaptctl.recording.scene import log_base
-from adaptctl.recording.skeleton import VIEW_SLOPE, Solid, Viewpoint, skeleton
+from adaptctl.recording.skeleton import ROOT_RADIUS, TIP_RADIUS, VIEW_SLOPE, Shape, Solid, Viewpoint, skeleton, with_tip
 from adaptctl.recording.trace import quantities
 from adaptctl.recording.views import LONG_LEGEND, SHORT_LEGEND
 from adaptctl.recording.wording import INCOMPLETE, parameter_unit
@@ -369,6 +370,33 @@ def test_skeleton_leads_from_joint_to_joint(robot: str) -> None:
         if link.parent >= 0 and np.linalg.norm(link.parent_to_joint.translation) > 1e-6:
             gaps = [np.linalg.norm(axes.positions[i] - end) for end in reached[link.parent]]
             assert min(gaps) < 1e-9
+
+
+def test_a_link_leads_along_its_joints_axis_and_then_across_it_ever_slimmer() -> None:
+    chain = random_chain(5, 4)
+    parts, pieces = skeleton(chain), {solid: list[Shape]() for solid in Solid}
+    for shape in parts.shapes:
+        pieces[shape.solid].append(shape)
+    axes = [joint.end - joint.start for joint in pieces[Solid.JOINT]]
+    for piece in pieces[Solid.LINK]:
+        along = abs((piece.end - piece.start) @ axes[piece.link]) / piece.length / np.linalg.norm(axes[piece.link])
+        assert along == pytest.approx(1.0) or along == pytest.approx(0.0, abs=1e-9)
+    widths = {shape.link: shape.radius / parts.reach for shape in pieces[Solid.LINK]}
+    np.testing.assert_allclose(list(widths.values()), np.linspace(ROOT_RADIUS, TIP_RADIUS, 4))
+    tipped = with_tip(parts, 1, np.array([0.3, 0.4, 1.2]))
+    assert tipped.reach == pytest.approx(parts.reach + 1.3)
+    again = with_tip(tipped, 1, np.array([0.3, 0.4, 1.7]))
+    assert again.reach == pytest.approx(parts.reach + 1.8)
+
+
+def test_the_tip_is_the_farthest_frame_that_has_a_name() -> None:
+    """Two links of 0.4 and 0.3 m; 0.5 m on, beside a nearer one."""
+    arm = load(TWO_LINK).description
+    assert skeleton(Mechanism(arm)).reach == pytest.approx(0.7)
+    frames = [NamedFrame(name, 1, Pose(np.eye(3), np.array([x, 0.0, 0.0]))) for name, x in (("far", 0.5), ("near", 0.1))]
+    parts = skeleton(Mechanism(replace(arm, frames=tuple(frames))))
+    np.testing.assert_allclose(parts.tip, [0.5, 0.0, 0.0])
+    assert parts.reach == pytest.approx(1.2)
 
 
 def test_legends_of_long_names_have_more_room() -> None:
