@@ -298,7 +298,7 @@ THREE = HardwareLimits([60.0] * 3, [6.0] * 3, [-2.0] * 3, [2.0] * 3, 1000.0)
         ),
         (lambda: MuJoCoRobot(ARM, PERIOD, [0.3, 90.0]), {}, "elbow stands at 90, outside its range .* rad"),
         (moving, {}, "shoulder moves, at 0.1 rad/s"),
-        (lambda: MuJoCoRobot(ARM, 2e-3), {}, "the controller's is 0.004 s, but the robot's is 0.002 s"),
+        (lambda: MuJoCoRobot(ARM, 1.01 * PERIOD), {}, "the controller's is 0.004 s, but the robot's is 0.00404 s"),
         (lambda: MuJoCoRobot(ARM, PERIOD, CENTER), {"controller": law(0.0)}, "start from the file's parameters"),
         (
             lambda: altered(MuJoCoRobot(ARM, PERIOD, CENTER), delay=8 * PERIOD),

@@ -135,7 +135,8 @@ def test_a_shaft_that_others_turn_is_not_held() -> None:
 def test_a_payload_hangs_on_a_link_by_the_name_in_the_urdf(arm: Path) -> None:
     model = pin.buildModelFromUrdf(str(arm))
     place = pin.SE3(pin.rpy.rpyToMatrix(0.3, 0.5, -1.0), np.array([0.3, 0.0, 0.05]))
-    center, inertia = np.array([0.02, 0.01, 0.08]), np.array([[0.3, 0.05, 0.02], [0.05, 0.4, -0.03], [0.02, -0.03, 0.25]])
+    center = np.array([0.02, 0.01, 0.08])
+    inertia = np.array([[0.3, 0.05, 0.02], [0.05, 0.4, -0.03], [0.02, -0.03, 0.25]])
     model.appendBodyToJoint(4, pin.Inertia(1.5, center, inertia), place)
     p, z = np.array([0.1, 0.2, 0.7, -0.4]), np.zeros(4)
     expected = pin.aba(model, model.createData(), p, z, z)

@@ -393,7 +393,8 @@ def test_the_tip_is_the_farthest_frame_that_has_a_name() -> None:
     """Two links of 0.4 and 0.3 m; 0.5 m on, beside a nearer one."""
     arm = load(TWO_LINK).description
     assert skeleton(Mechanism(arm)).reach == pytest.approx(0.7)
-    frames = [NamedFrame(name, 1, Pose(np.eye(3), np.array([x, 0.0, 0.0]))) for name, x in (("far", 0.5), ("near", 0.1))]
+    places = {"far": 0.5, "near": 0.1}
+    frames = [NamedFrame(name, 1, Pose(np.eye(3), np.array([x, 0.0, 0.0]))) for name, x in places.items()]
     parts = skeleton(Mechanism(replace(arm, frames=tuple(frames))))
     np.testing.assert_allclose(parts.tip, [0.5, 0.0, 0.0])
     assert parts.reach == pytest.approx(1.2)

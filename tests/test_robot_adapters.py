@@ -231,6 +231,9 @@ def test_rotors_are_guessed_where_the_file_has_none() -> None:
     assert [joint.drive.rotor_inertia for joint in geared.primary_joints] == pytest.approx([0.155, 0.1])
     with warnings.catch_warnings(action="error"):
         assert with_rotors(geared) is geared
+    with pytest.warns(adaptctl.errors.SimplificationWarning, match="no rotor inertia of elbow: guessed"):
+        partly = with_rotors(ARM.with_drives([Drive(0.3), Drive()]))
+    assert [joint.drive.rotor_inertia for joint in partly.primary_joints] == pytest.approx([0.3, 0.1])
 
 
 def limited(arm: adaptctl.Mechanism) -> adaptctl.Mechanism:

@@ -1,0 +1,163 @@
+"""Parts of `drive` by themselves: what is measured, what is asked for, and how far a stop goes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from driven_robots import ARM
+
+import adaptctl
+from adaptctl.hardware import GravityTorque, HardwareLimits, MuJoCoRobot, RobotReading, motion_about
+from adaptctl.hardware.acceleration import PossibleAcceleration
+from adaptctl.hardware.lead_in import beyond_limits, led_in
+from adaptctl.hardware.resting import MARGIN, StoppingDistance
+from adaptctl.hardware.stop import PlannedStop
+from adaptctl.hardware.timing import BINS, LoopTimes
+
+PERIOD = 4e-3
+CENTER = np.array([0.3, 0.5])
+LIMITS = HardwareLimits.of(ARM, torque_rate=1000.0)
+STOPPING = StoppingDistance(ARM, LIMITS, PERIOD)
+WIDE = StoppingDistance(ARM, HardwareLimits([1e4, 1e4], [9.0, 9.0], [-9.0, -9.0], [9.0, 9.0]), PERIOD)
+MODEL = adaptctl.ReducedModel(ARM)
+LAW = adaptctl.SlotineLi(MODEL, 8.0, [6.0, 2.0], initial=MODEL.fundamental_parameters, control_period=PERIOD)
+SWING = adaptctl.Sinusoids(CENTER, [0.1, 0.1], [0.5, 0.5])
+
+
+@pytest.mark.parametrize(("period", "window"), [(1e-3, 0.01), (2e-3, 0.01), (0.02, 0.06)])
+def test_an_acceleration_is_that_of_the_last_hundredth_of_a_second_or_of_three_periods(
+    period: float, window: float
+) -> None:
+    moving, speed = PossibleAcceleration(STOPPING.inverses, period), lambda t: np.array([t**2, -(t**2)])
+    for k in range(30):
+        moving.take(RobotReading(k * period, CENTER, speed(k * period)), np.zeros(2))
+    last = 29 * period
+    expected = (last**2 - (last - window) ** 2) / window
+    np.testing.assert_allclose(moving.along(speed(last), np.zeros(2)), expected, rtol=1e-9)
+
+
+def test_times_of_periods_are_counted() -> None:
+    times = LoopTimes(0.01)
+    on_time = [times.count(0.01 * ratio) for ratio in (1.0, 1.3, 1.3, 1.1, 1.3, 0.7, 90.0)]
+    assert on_time == [True, False, False, True, False, False, False]
+    assert (times.off, times.late, times.longest_late, times.worst) == (5, 1, 2, 0.9)
+    assert times.histogram.sum() == 7
+    assert times.histogram[-1] == 1
+    for ratio in (0.7, 1.1, 1.3):  # each in the bin whose edges it is between
+        (place,) = np.flatnonzero((times.edges[:-1] <= 0.01 * ratio) & (0.01 * ratio < times.edges[1:]))
+        assert times.histogram[place] > 0
+    assert times.edges[-1] == pytest.approx(0.03)
+    assert len(times.edges) == BINS + 1
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_stop_goes_as_far_as_two_periods_and_half_the_time_of_braking(side: float) -> None:
+    """The mean speed of a stop along a quintic step is half of the first one."""
+    speed = np.array([2.0, 1.0])
+    way = speed * (2.0 * PERIOD + 0.5 * STOPPING.duration(speed))
+    end = np.minimum(LIMITS.upper, -LIMITS.lower) - MARGIN - way
+    for room, beyond in ((1e-6, False), (-1e-6, True)):
+        assert (STOPPING.beyond(side * (end - room), side * speed) == beyond).all()
+
+
+def test_brakes_use_half_of_the_torque_that_gravity_leaves() -> None:
+    p = np.random.default_rng(5).uniform(-np.pi, np.pi, (2000, 2))
+    needed = np.abs(ARM.mass_matrix(p)) @ STOPPING.deceleration
+    left = LIMITS.torque - np.abs(GravityTorque(ARM)._mechanism.inverse_dynamics(p, 0.0 * p, 0.0 * p))
+    assert (needed / left).max() == pytest.approx(0.5, rel=0.1)
+
+
+def test_a_planned_stop_ends_when_its_path_rests() -> None:
+    stop = PlannedStop.along(SWING, 3.0, np.array([1.0, 1.0]), None, "", STOPPING)
+    assert stop.end == pytest.approx(3.0 + STOPPING.duration(np.array([1.0, 1.0])))
+    assert not stop.path(stop.end).v.any()
+    assert stop.path(3.0 + 0.9 * (stop.end - 3.0)).v.all()
+
+
+def test_both_limits_hold() -> None:
+    one = HardwareLimits([1.0, 4.0], [1.0, 4.0], [-1.0, -4.0], [1.0, 4.0], [1.0, 4.0])
+    other = HardwareLimits([2.0, 3.0], [2.0, 3.0], [-2.0, -3.0], [2.0, 3.0], [2.0, 3.0])
+    for both in (one.within(other), other.within(one)):
+        for name in ("torque", "velocity", "upper", "torque_rate"):
+            np.testing.assert_array_equal(getattr(both, name), [1.0, 3.0])
+        np.testing.assert_array_equal(both.lower, [-1.0, -3.0])
+
+
+def test_a_motion_about_a_posture_keeps_to_shares_of_room_and_speed() -> None:
+    limits = HardwareLimits(np.ones(4), [30.0, 30.0, 30.0, 0.6], -np.ones(4), np.ones(4))
+    posture = np.array([0.8, -0.7, 0.0, 0.0])
+    motion = motion_about(posture, limits)
+    points = motion(np.linspace(0.0, 60.0, 20001))
+    swings = np.abs(points.p - posture).max(axis=0)
+    np.testing.assert_allclose(swings[:3], [0.4 * 0.2, 0.4 * 0.3, 0.3], rtol=1e-3)
+    assert np.abs(points.v[5000:]).max(axis=0)[3] == pytest.approx(0.15 * 0.6, rel=1e-3)
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.88, ""), (0.92, "moves at")])
+def test_a_reference_keeps_to_nine_tenths_of_speeds(share: float, told: str) -> None:
+    limits = HardwareLimits([1e4, 1e4], [2.0, 2.0], [-9.0, -9.0], [9.0, 9.0])
+    swing = adaptctl.Sinusoids(CENTER, [share * 2.0 / (2.0 * np.pi * 0.5), 0.1], [0.5, 0.5])
+    found = beyond_limits(swing, 10.0, ARM, limits, STOPPING)
+    assert told in found
+    assert bool(told) == bool(found)
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.88, ""), (0.92, "needs")])
+def test_a_reference_keeps_to_nine_tenths_of_torques_of_either_sign(share: float, told: str) -> None:
+    for place in (CENTER, np.array([np.pi, 0.0]) - CENTER):  # where gravity pulls the other way
+        swing = adaptctl.Sinusoids(place, SWING.amplitude, SWING.frequency)
+        point = swing(np.linspace(0.0, 10.0, 1001))
+        needed = np.abs(ARM.inverse_dynamics(point.p, point.v, point.a)).max(axis=0)
+        limits = HardwareLimits(needed / share, [9.0, 9.0], [-9.0, -9.0], [9.0, 9.0])
+        found = beyond_limits(swing, 10.0, ARM, limits, WIDE)
+        assert told in found
+        assert bool(told) == bool(found)
+
+
+def test_a_lead_in_takes_at_most_half_of_a_motion() -> None:
+    """From so far that three seconds are too fast, which five are not."""
+    limits = HardwareLimits([1e4, 1e4], [1.3, 1.3], [-9.0, -9.0], [9.0, 9.0])
+    start = CENTER + np.array([2.0, 0.0])
+    assert led_in(SWING, start, 10.0, ARM, limits, STOPPING).duration == 5.0  # type: ignore[attr-defined]
+    with pytest.raises(adaptctl.InputError, match="moves at"):
+        led_in(SWING, start, 9.0, ARM, limits, STOPPING)
+
+
+class Read(MuJoCoRobot):
+    """Robot whose readings before it is driven are changed."""
+
+    change: Any = staticmethod(lambda k, reading: reading)
+
+    def read(self) -> RobotReading:
+        reading = super().read()
+        changed: RobotReading = self.change(self._count, reading) if self._braked else reading
+        return changed
+
+
+def driven(change: Any, brakes: bool = True) -> adaptctl.DrivenRun:
+    robot = Read(ARM, PERIOD, CENTER)
+    robot.change, robot.has_brakes = change, brakes  # type: ignore[misc]
+    return adaptctl.drive(robot, LAW, SWING, 0.1)
+
+
+def test_an_arm_that_creeps_is_not_at_rest() -> None:
+    with pytest.raises(adaptctl.InputError, match="shoulder moves"):
+        driven(lambda k, reading: reading._replace(p=reading.p + np.array([1e-3 * k, 0.0])))
+
+
+def test_old_readings_that_waited_are_passed_over() -> None:
+    assert driven(lambda k, reading: reading._replace(p=reading.p + np.array([0.05 * (k < 4), 0.0]))).stopped == ""
+
+
+@pytest.mark.parametrize(("share", "fits"), [(0.15, True), (0.25, False)])
+def test_a_measured_torque_may_differ_by_a_fifth_of_the_limit(share: float, fits: bool) -> None:
+    """Friction holds the arm too; of a robot's own gravity model a tenth is the most."""
+    own = GravityTorque(ARM)(CENTER)
+    change = lambda k, reading: reading._replace(torque=own + share * LIMITS.torque * [1.0, 0.0])  # noqa: E731
+    if fits:
+        assert not driven(change, brakes=False).by_robot
+    else:
+        with pytest.raises(adaptctl.InputError, match="of the limit apart"):
+            driven(change, brakes=False)
