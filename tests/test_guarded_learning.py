@@ -242,7 +242,8 @@ def judging(name: str, open_mind: float, width: int) -> tuple[Kernel, list[Array
 
     start = [np.array(part, dtype=np.float64) for part in leaves(zero)]
     sizes = {"rows": r * k, "weights": r * width, "missed": r, "usual": r}
-    return compile_function(period, sizes | {f"sum{i}": len(part) for i, part in enumerate(start)}, name="judged"), start
+    sizes |= {f"sum{i}": len(part) for i, part in enumerate(start)}
+    return compile_function(period, sizes, name="judged"), start
 
 
 def judged_by(name: str, rows: Array, weights: Array, missed: Array, noise: float, open_mind: float = 1.0) -> Verdict:
