@@ -27,8 +27,10 @@ def modules() -> list[Path]:
 def documented(tree: ast.Module) -> Iterator[tuple[str, str]]:
     """The name and the docstring of a module and of everything in it."""
     for node in ast.walk(tree):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and (text := ast.get_docstring(node)):
-            yield getattr(node, "name", "module"), text
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and (
+            text := ast.get_docstring(node, clean=False)
+        ):
+            yield getattr(node, "name", "module"), text.strip()
 
 
 def is_riddle(text: str) -> bool:

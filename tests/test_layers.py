@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
 from subprocess import run
@@ -88,9 +88,18 @@ def parsed(path: Path) -> ast.Module:
     return ast.parse(path.read_text())
 
 
-def imported(tree: ast.AST) -> Iterator[str]:
-    """Absolute names of what is imported anywhere in a module."""
-    for node in ast.walk(tree):
+LOOKED_AT = (ast.Import, ast.ImportFrom, ast.Expr, ast.Call, ast.Assert, ast.FunctionDef, ast.AsyncFunctionDef)
+
+
+@cache
+def nodes(path: Path) -> list[ast.AST]:
+    """What any rule looks at in a file, found once for all of them."""
+    return [node for node in ast.walk(parsed(path)) if isinstance(node, LOOKED_AT)]
+
+
+def imported(some: Iterable[ast.AST]) -> Iterator[str]:
+    """Absolute names of what is imported by some nodes."""
+    for node in some:
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -120,7 +129,7 @@ def test_imports_run_one_way() -> None:
     assert [
         f"{module} imports {name}"
         for module, path in MODULES.items()
-        for name in imported(parsed(path))
+        for name in imported(nodes(path))
         if places.get(".".join(name.split(".")[:2]), 0) > ORDER.index(module.partition(".")[0])
     ] == []
 
@@ -136,7 +145,7 @@ def test_no_modules_import_each_other() -> None:
 
 def needed(module: str) -> Iterator[str]:
     """The modules of this package that a module imports, without ``adaptctl.``."""
-    for name in imported(parsed(MODULES[module])):
+    for name in imported(nodes(MODULES[module])):
         package, _, own = name.removeprefix("adaptctl.").rpartition(".")
         if name.startswith("adaptctl.") and f"{package}.{own}".lstrip(".") in MODULES:
             yield f"{package}.{own}".lstrip(".")
@@ -170,21 +179,20 @@ def test_nothing_heavy_is_imported_in_passing() -> None:
         f"{module} imports {name}"
         for module, path in MODULES.items()
         for node in at_import(parsed(path).body)
-        if isinstance(node, ast.Import | ast.ImportFrom)
-        for name in imported(node)
+        for name in imported([node])
         if not is_about(module, name.partition(".")[0])
     ] == []
 
 
-def documented(tree: ast.Module) -> int:
+def documented(path: Path) -> int:
     """Lines of a module that are docstrings."""
-    texts = (node.value for node in ast.walk(tree) if isinstance(node, ast.Expr))
+    texts = (node.value for node in nodes(path) if isinstance(node, ast.Expr))
     texts = (text for text in texts if isinstance(text, ast.Constant) and isinstance(text.value, str))
     return sum((text.end_lineno or 0) - text.lineno + 1 for text in texts)
 
 
 def test_no_file_is_too_long_and_each_says_what_it_is() -> None:
-    lines = {module: len(path.read_text().splitlines()) - documented(parsed(path)) for module, path in MODULES.items()}
+    lines = {module: len(path.read_text().splitlines()) - documented(path) for module, path in MODULES.items()}
     assert [module for module, count in lines.items() if count > LONGEST] == []
     trees = {module: parsed(path) for module, path in MODULES.items()}
     assert [module for module, tree in trees.items() if tree.body and not ast.get_docstring(tree)] == []
@@ -193,8 +201,8 @@ def test_no_file_is_too_long_and_each_says_what_it_is() -> None:
 def test_nothing_is_pickled_or_evaluated_and_no_assertion_handles_errors() -> None:
     forbidden = {"pickle", "marshal", "shelve", "dill", "cloudpickle"}
     for module, path in MODULES.items():
-        assert not forbidden & {name.partition(".")[0] for name in imported(parsed(path))}, module
-        for node in ast.walk(parsed(path)):
+        assert not forbidden & {name.partition(".")[0] for name in imported(nodes(path))}, module
+        for node in nodes(path):
             called = node.func if isinstance(node, ast.Call) else None
             assert not (isinstance(called, ast.Name) and called.id in ("eval", "exec")), module
             assert not isinstance(node, ast.Assert), module
@@ -213,13 +221,15 @@ def test_a_class_name_has_one_meaning() -> None:
 
 
 def test_nothing_is_written_twice() -> None:
-    """No two functions have the same body, names of arguments and all, but those of a line or so."""
+    """No two functions have the same lines, names of arguments and all, but those of a line or so."""
     bodies: dict[str, list[str]] = {}
     for module, path in SOURCES.items():
-        for node in ast.walk(parsed(path)):
+        lines = [line.strip() for line in path.read_text().splitlines()]
+        for node in nodes(path):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 body = node.body[1:] if ast.get_docstring(node) else node.body
-                bodies.setdefault("\n".join(ast.unparse(part) for part in body), []).append(f"{module}.{node.name}")
+                own = lines[body[0].lineno - 1 : body[-1].end_lineno] if body else []
+                bodies.setdefault("\n".join(own), []).append(f"{module}.{node.name}")
     assert [where for body, where in bodies.items() if len(where) > 1 and len(body) > 60] == []
 
 
