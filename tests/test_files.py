@@ -310,7 +310,7 @@ def test_json_refuses_what_it_has_no_form_for(tmp_path: Path) -> None:
         write_json(tmp_path / "a.json", [1j])
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(st.lists(st.floats(allow_nan=False, allow_infinity=False)), st.text())
 def test_json_keeps_every_bit(tmp_path_factory: pytest.TempPathFactory, numbers: list[float], text: str) -> None:
     path = tmp_path_factory.mktemp("json") / "a.json"

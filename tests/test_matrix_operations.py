@@ -101,7 +101,7 @@ def native(operation: MatrixOperation, arguments: list[Array], lanes: int, proce
 @pytest.mark.skipif("sse2" not in usable(), reason="products and sums are fused")
 @NAMES
 @pytest.mark.parametrize("lanes", mostly_at_night([1, 2, 4], 2))
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=2, deadline=None)
 @given(k=SIZES, r=st.integers(1, 7), seed=st.integers(0, 2**32 - 1))
 def test_native_loops_without_fused_operations_have_the_bits_of_floats(
     name: str, lanes: int, k: int, r: int, seed: int

@@ -40,7 +40,7 @@ def rule(tuning: Tuning) -> DefaultGains:
     return DefaultGains.for_mechanism(tuning.mechanism, reference=tuning.reference, initial_error=tuning.initial_error)
 
 
-@pytest.mark.parametrize("name", ["semi_direct_drive", at_night("puma560_measured"), "puma560_friction"])
+@pytest.mark.parametrize("name", ["semi_direct_drive", *map(at_night, ("puma560_measured", "puma560_friction"))])
 def test_it_learns_as_described_and_late_and_with_other_links(name: str) -> None:
     tuning = tune(load(name))
     assert [run.name for run in tuning.verified] == ["nominal", "one-period delay", "link errors ±30%", "both"]
