@@ -236,8 +236,8 @@ def judging(name: str, open_mind: float, width: int) -> tuple[Kernel, list[Array
     test = PayloadTest(model, column(open_mind * own_gain(name)))
 
     def period(rows: Column, weights: Column, missed: Column, usual: Column, **sums: Column) -> tuple[Column, ...]:
-        split = [[Column(x.of[n * j : n * j + n]) for j in range(r)] for x, n in ((rows, k), (weights, width))]
-        verdict = test.judged(*split, missed, T * shares, usual, like(zero, sums.values()), step)
+        split, hung = ([Column(x.of[n * j : n * j + n]) for j in range(r)] for x, n in ((rows, k), (weights, width)))
+        verdict = test.judged(split, hung, missed, T * shares, usual, like(zero, sums.values()), step)
         return Column((verdict.payload, verdict.contact)), verdict.change, *leaves(verdict.after)
 
     start = [np.array(part, dtype=np.float64) for part in leaves(zero)]
@@ -251,7 +251,7 @@ def judged_by(name: str, rows: Array, weights: Array, missed: Array, noise: floa
     kernel, sums = judging(name, open_mind, weights.shape[-1])
     for Y, G, miss in zip(rows, weights, missed, strict=True):
         flags, change, *sums = kernel.call(Y.ravel(), G.ravel(), miss, np.full(len(miss), noise**2), *sums)
-    return Verdict(*flags.tolist(), change)
+    return Verdict(float(flags[0]), float(flags[1]), change)
 
 
 def judged(

@@ -20,9 +20,18 @@ from adaptctl.errors import InputError
 from adaptctl.identification.autoregression import autoregression, lasting_covariance
 from adaptctl.identification.delay import Delay, _rate, estimated_delay
 from adaptctl.identification.entropic import EntropicPrior, _spread_enough
+from adaptctl.identification.filtered_dynamics import RowFilter, SmoothMotion, motion_band
 from adaptctl.identification.log_checks import _clipped, _frozen, _impossible, _quantum, _spiked
 from adaptctl.identification.long_logs import Stretches
-from adaptctl.identification.preparation import _explained, _turns_off, derivative, filtered, low_pass, padded
+from adaptctl.identification.preparation import (
+    PreparedLog,
+    _explained,
+    _turns_off,
+    derivative,
+    filtered,
+    low_pass,
+    padded,
+)
 from adaptctl.identification.robot_motion import RobotLimits, RobotMotion
 from adaptctl.identification.uncertainty import Student, Uncertainty, _words, combinations, scaled_inverse
 from adaptctl.identification.workspace import ReachableSpace
@@ -177,6 +186,50 @@ def test_noise_that_lasts_is_that_of_an_autoregression(a: float) -> None:
     assert variance == pytest.approx(0.09, rel=0.01)
     whole = lasting_covariance(np.stack([np.ones(n), 2.0 * np.ones(n)], axis=-1), error, 10.0)
     np.testing.assert_allclose(whole, n * 0.09 / (1.0 - a) ** 2 * np.array([[1.0, 2.0], [2.0, 4.0]]), rtol=0.1)
+
+
+def test_weighted_sums_of_lasting_errors_vary_as_matrices_say() -> None:
+    """Errors are L w of white w, with a lower triangle L: Y'e has the covariance of w times Y'LL'Y."""
+    rng = np.random.default_rng(6)
+    error, Y = lfilter([1.0], [1.0, -0.7], rng.normal(size=60)), rng.normal(size=(60, 3))
+    coefficients, variance = autoregression(error, 2.0)
+    before = sum(a * np.eye(60, k=-1 - k) for k, a in enumerate(coefficients))
+    L = np.linalg.inv(np.eye(60) - before)
+    np.testing.assert_allclose(lasting_covariance(Y, error, 2.0), variance * Y.T @ L @ L.T @ Y, rtol=1e-9)
+
+
+def smooth(position: Array, rate: float, moving: Array | None = None) -> SmoothMotion:
+    time = np.arange(len(position)) / rate
+    on = np.ones(len(time), dtype=np.bool_) if moving is None else moving
+    return SmoothMotion.of(PreparedLog("log", rate, time, position, np.zeros_like(position), on), 0)
+
+
+def test_rows_whose_window_reaches_into_rest_do_not_move() -> None:
+    """A window of 1/cutoff s on either side."""
+    time = np.arange(2000) / 500.0
+    motion = smooth(np.sin(time)[:, None], 500.0, (time > 1.0) & (time < 3.0))
+    own = RowFilter.of(motion, 4.0)
+    at, moving = own.times(motion), own.moving(motion)
+    inside = np.minimum(at - 1.0, 3.0 - at)
+    assert moving[inside > 0.25 + 0.02].all()
+    assert not moving[inside < 0.25 - 0.02].any()
+
+
+def test_the_band_of_a_motion_is_that_of_nearly_all_of_its_speed_above_the_noise() -> None:
+    """A swing at 5 Hz has 2 % of the squared speed, and 0.1 % of the squared position; encoders' noise has most of all
+    squared differences."""
+    time = np.arange(8000) / 500.0
+    swing = np.sin(2.0 * np.pi * time) + np.outer([0.0, 0.03], np.sin(10.0 * np.pi * time))
+    noise = 1e-3 * np.random.default_rng(0).normal(size=(8000, 2))
+    for j, band in ((0, 1.0), (1, 5.0)):
+        for position in (swing.T, swing.T + noise):
+            log = PreparedLog("log", 500.0, time, position[:, j : j + 1], noise[:, :1], np.ones(8000, dtype=np.bool_))
+            assert motion_band([log]) == pytest.approx(band, abs=0.3)
+
+
+@pytest.mark.parametrize(("rate", "cutoff"), [(500.0, 50.0), (100.0, 20.0), (40.0, 8.0)])
+def test_slow_logs_are_smoothed_below_a_fifth_of_their_rate(rate: float, cutoff: float) -> None:
+    assert smooth(np.zeros((400, 1)), rate).cutoff == cutoff
 
 
 def test_short_series_count_as_more_persistent_and_of_fewer_rows() -> None:

@@ -43,6 +43,7 @@ def test_a_delay_is_found_said_and_taken_off(samples: int) -> None:
     assert told is not None
     assert float(told[1]) == pytest.approx(2.0 * abs(samples), abs=1.0)
     assert told[2] == ("later" if samples > 0 else "earlier")
+    assert f"taken as much {'earlier' if samples > 0 else 'later'} in fit" in words[0]
     assert not [text for text in right.warnings if "than the positions" in text]
     assert wrong.validation.relative_error < 1.2 * right.validation.relative_error
     truth = wrong.model.regrouping @ case.truth.inertial_parameters
