@@ -16,7 +16,7 @@ import adaptctl
 import adaptctl.hardware
 from adaptctl.arrays import Array
 from adaptctl.compilation import compile_function
-from adaptctl.control import GuardedLearning, JointImpedance, TaskImpedance, Workspace, largest_stiffness
+from adaptctl.control import GuardedLearning, HeldState, JointImpedance, TaskImpedance, Workspace, largest_stiffness
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.control.passivity_based import Instant, ReferenceVelocity
 from adaptctl.control.task_impedance import _pull, _turning
@@ -166,10 +166,21 @@ def test_a_reference_behind_a_surface_presses_with_the_most_force() -> None:
     assert np.array(felt[1500:]) == pytest.approx(8.0, abs=0.1)
 
 
-def test_drive_takes_no_tank() -> None:
+def test_drive_keeps_the_tank_through_a_stop() -> None:
+    """What an earlier state is taken from has other energies."""
+    law = joints(tank=3.0)
+    old = law.init(HOME, REST)
+    now = old._replace(controller_state=old.controller_state._replace(energy=np.array([1.5]), p=HOME + 0.1))
+    kept = HeldState(law).at(old, now).controller_state
+    assert kept.energy == pytest.approx([1.5])
+    assert kept.p == pytest.approx(HOME + 0.1)
+
+
+@nightly
+def test_drive_takes_a_tank() -> None:
     robot = adaptctl.hardware.MuJoCoRobot(model().mechanism, PERIOD, start=HOME)
-    with pytest.raises(InputError, match=r"tank: drive .* replace\(controller, tank=None\)"):
-        adaptctl.drive(robot, joints(tank=3.0), lambda t: ReferencePoint(HOME, REST, REST), duration=0.1)
+    run = adaptctl.drive(robot, joints(tank=3.0), adaptctl.Sinusoids(HOME, [0.2, 0.2], [0.8, 1.1]), duration=4.0)
+    assert (run.stopped, run.by_robot) == ("", False)
 
 
 def test_a_spring_that_stops_growing_is_the_slope_of_its_energy() -> None:
@@ -272,6 +283,7 @@ class Tussle:
         self.state, self.gains = law.init(self.p, self.v), np.tile(law.packed, (arms, 1))
         self.center, self.amplitude = self.p.copy(), self.rng.uniform(0.0, 0.8, (arms, 2))
         self.omega, self.contacts = self.rng.uniform(0.6, 6.0, (arms, 2)), 0
+        self.began = 0.0
         self.spring, self.damper = np.zeros((arms, 1)), np.zeros((arms, 1))
         self.anchor, self.push, self.work, self.least = self.p.copy(), 0.0 * self.p, np.zeros(arms), np.zeros(arms)
 
@@ -279,15 +291,18 @@ class Tussle:
         self.plant = held_motion(self.law.model.mechanism)
         for k in range(periods):
             self._change(np.flatnonzero(self.rng.random(self.N) < PERIOD / 0.4))
-            t, w = PERIOD * k, self.omega
-            goal = self.center + self.amplitude * (1.0 - np.cos(w * t))
-            way, bend = self.amplitude * w * np.sin(w * t), self.amplitude * w * w * np.cos(w * t)
-            point = ReferencePoint(goal, way, bend)
+            point = self._goal(self.began + PERIOD * k)
             torque, self.state = self.law.step_tuned(self.gains, self.state, self.p, self.v, point)
             force = self.push - self.spring * (self.p - self.anchor) - self.damper * self.v
             p, self.v = self.plant(self.p, self.v, torque + force)
             self.work = self.work + (force * (p - self.p)).sum(axis=1)
             self.p, self.least = p, np.minimum(self.least, self.work)
+
+    def _goal(self, t: float) -> ReferencePoint:
+        w, swing = self.omega, self.amplitude
+        return ReferencePoint(
+            self.center + swing * (1.0 - np.cos(w * t)), swing * w * np.sin(w * t), swing * w * w * np.cos(w * t)
+        )
 
     def _change(self, arms: Array) -> None:
         n, own = len(arms), self.law.packed
@@ -343,7 +358,7 @@ def test_the_weight_that_a_tank_leaves_out_is_that_of_one_recursion() -> None:
     at = Instant(p, p, v_r, v_r, ReferencePoint(p, v_r, v_r), wanted, D)
     none = Column.zeros(2)
     whole = arm.equations.motion(p, none, v_r, none).torque(D)
-    assert list(law._weight(at)) == pytest.approx(list(whole), rel=1e-12)
+    assert list(law._weight(at, D)) == pytest.approx(list(whole), rel=1e-12)
 
 
 @nightly

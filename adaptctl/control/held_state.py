@@ -9,7 +9,12 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.control.controller import Controller
+from adaptctl.control.energy_tank import EnergyTank
 from adaptctl.control.pytree import leaves, paths
+
+NAMES = ("torque", "dt", "q", "estimate", "moving", "tank")
+TANK = "controller_state"
+"""part of a state that is an impedance's tank"""
 
 
 class HeldState:
@@ -31,13 +36,19 @@ class HeldState:
 
     def __init__(self, controller: Controller[Any]) -> None:
         self._controller, self._size = controller, 0
-        self._places: dict[str, list[slice]] = {"torque": [], "dt": [], "q": [], "estimate": [], "moving": []}
+        self._places: dict[str, list[slice]] = {
+            name: [] for name in ("torque", "dt", "q", "estimate", "moving", "tank")
+        }
         for path, part in zip(paths(controller._blank), leaves(controller._blank), strict=True):
             here = slice(self._size, self._size + np.shape(part)[-1])
             parents, _, name = path.rpartition(".")
             own = set(parents.split(".")) <= {"state", "inner"}
             if name in ("dt", "moving") or (own and name in ("torque", "q", "estimate")):
                 self._places[name].append(here)
+            if name in EnergyTank._fields and parents.endswith(TANK):
+                self._places["tank"].append(here)
+            if name == "trusted" and parents.endswith(TANK):
+                self._places["estimate"].append(here)
             self._size = here.stop
 
     def without_learning(self, state: Any, torque: Array) -> Any:
@@ -94,7 +105,7 @@ class HeldState:
 
     def at(self, state: Any, other: Any) -> Any:
         """
-        Return a state with the closed configuration of another one, near which loops are closed.
+        Return a state with the closed configuration of another one, near which loops are closed, and with its tank.
 
         Parameters
         ----------
@@ -107,7 +118,7 @@ class HeldState:
             Internal state.
         """
         there = self._controller._array_of(other, ())
-        return self._with(state, [(place, there[place]) for place in self._places["q"]])
+        return self._with(state, [(place, there[place]) for name in ("q", "tank") for place in self._places[name]])
 
     def _edited(self, state: Any, **values: Any) -> Any:
         return self._with(state, [(place, value) for name, value in values.items() for place in self._places[name]])

@@ -14,7 +14,7 @@ from adaptctl.control.adaptation.guarded_learning import GuardedLearning
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory
 from adaptctl.control.adaptive import AdaptiveState
 from adaptctl.control.controller import ReferencePoint
-from adaptctl.control.energy_tank import EnergyTank, opened
+from adaptctl.control.energy_tank import EnergyTank, full, opened, trusting
 from adaptctl.control.gains.sampling_ratio import (
     MAX_SAMPLING_RATIO,
     SamplingRatio,
@@ -58,7 +58,8 @@ class JointImpedance(PassivityBased):
         Limits in N m (N), one number or (r,). Nothing is learned from a period whose torque exceeds them; the
         mechanism's own limits unless given.
     tank : float, optional
-        Energy in J that moving references and rising stiffness may give to the surroundings. Default: no limit.
+        Energy in J that moving references, rising stiffness and wrong learning may give to the surroundings. Default:
+        no limit.
     delay : int, default 0
         Control periods between a measurement and its torque.
 
@@ -77,8 +78,9 @@ class JointImpedance(PassivityBased):
 
     No force is measured, since the inertia stays the arm's own. :math:`V=\tfrac12\dot e'M\dot e+\tfrac12e'Ke+
     \tfrac12\tilde\beta'\Gamma^{-1}\tilde\beta` falls by :math:`\dot e'D\dot e` [1]_: at a resting reference the arm is
-    passive while it learns. With a tank [2]_ a moving one is too: what held torques did beyond gravity and friction
-    is taken from it, and the stiffness falls when it is empty.
+    passive while it learns. With a tank [2]_ a moving one is too: what held torques did beyond the gravity and
+    friction of an estimate that is trusted is taken from it. When it is empty, the stiffness falls, and the weight
+    that is held is the trusted one: the initial one, and what was learned while nothing was doubted for 3 s.
 
     References
     ----------
@@ -150,8 +152,15 @@ class JointImpedance(PassivityBased):
         spring, damper = self._spring(at.q, at.p, at.reference.p)[0], self._damper(at.q, at.s)
         if self.tank is None:
             return spring + damper, NoMemory()
-        after: EnergyTank = at.wanted.controller_state
-        return after.opening[0] * spring + damper, after._replace(weight=self._weight(at))
+        after: EnergyTank = trusting(
+            at.wanted.controller_state, memory.estimate, getattr(memory.law_state, "watch", None), self.control_period
+        )
+        opening, trusted = after.opening[0], self._parameters(after.trusted)
+        after = after._replace(weight=self._weight(at, trusted))
+        if self.adaptation_law is None:
+            return opening * spring + damper, after
+        unpaid = (1.0 - opening) * self._weight(at, at.parameters - trusted)
+        return opening * spring + damper + unpaid, after
 
     def _spring(self, q: Column, p: Column, goal: Column) -> tuple[Column, Scalar]:
         """Torque (r,) and energy of the springs towards positions (r,)."""
@@ -162,23 +171,22 @@ class JointImpedance(PassivityBased):
         """Torque (r,) of the dampers."""
         return column(self.damping) * s
 
-    def _weight(self, at: Instant) -> Column:
-        """Torque (r,) of gravity and friction."""
+    def _weight(self, at: Instant, parameters: Column) -> Column:
+        """Torque (r,) of gravity and friction of parameters (P,)."""
         equations, none = self.model.mechanism.equations, Column.zeros(self.dof)
         moving = equations.motion(at.q, none, at.wanted.v_r, none)
         if equations.has_constraint_bias:
-            return moving.torque(at.parameters)
+            return moving.torque(parameters)
         # Apart, they need no recursion over velocities: without inertias, what moves is friction alone.
         names = self.model.mechanism.parameter_names
-        rubs = zip(names, at.parameters, strict=True)
+        rubs = zip(names, parameters, strict=True)
         friction = moving.torque(Column(x if name.endswith(FRICTION) else 0.0 for name, x in rubs))
-        return equations.motion(at.q, none, none, none).torque(at.parameters) + friction
+        return equations.motion(at.q, none, none, none).torque(parameters) + friction
 
     def _controller_state(self, p: Array, v: Array) -> Any:
         if self.tank is None:
             return NoMemory()
-        energy, none = np.array([float(self.tank)]), np.zeros(self.dof)
-        return EnergyTank(energy, np.array(p), none, np.ones(1))
+        return full(float(self.tank), p, v, np.asarray(self.initial))
 
     def _check_gains(self) -> None:
         """Raise `GainError` for a damping or stiffness that the period does not carry."""

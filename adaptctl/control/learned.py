@@ -11,6 +11,7 @@ import numpy as np
 
 from adaptctl.control.adaptation.guarded_learning import GuardedLearning
 from adaptctl.control.adaptive import AdaptiveState
+from adaptctl.control.energy_tank import EnergyTank
 from adaptctl.control.slotine_li import SlotineLi
 from adaptctl.errors import InputError
 from adaptctl.files import hashed, read_json, write_json
@@ -138,7 +139,11 @@ def warm_start(
         information=np.array(found.information) * ratio[rows] * ratio[columns], known=np.array(found.known) * ratio
     )
     watch = memory.watch._replace(trusted=estimate)
-    return state._replace(estimate=estimate, law_state=memory._replace(stored=stored, watch=watch))
+    tank: Any = state.controller_state
+    if isinstance(tank, EnergyTank):
+        tank = tank._replace(trusted=estimate, calm=np.zeros_like(tank.calm))
+    learned = memory._replace(stored=stored, watch=watch)
+    return state._replace(estimate=estimate, law_state=learned, controller_state=tank)
 
 
 def _validate(path: str | Path, file: LearnedFile, controller: SlotineLi, max_age: float) -> None:

@@ -56,7 +56,8 @@ class TaskImpedance(JointImpedance):
         Limits in N m (N), one number or (r,). Nothing is learned from a period whose torque exceeds them; the
         mechanism's own limits unless given.
     tank : float, optional
-        Energy in J that moving references and rising stiffness may give to the surroundings. Default: no limit.
+        Energy in J that moving references, rising stiffness and wrong learning may give to the surroundings. Default:
+        no limit.
     delay : int, default 0
         Control periods between a measurement and its torque.
     tool_stiffness : array_like

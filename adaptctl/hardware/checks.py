@@ -48,12 +48,6 @@ def mechanism_of(controller: Any, given: Mechanism | None) -> Mechanism:
     return found
 
 
-def validate_no_tank(controller: Any) -> None:
-    """Raise `InputError` for an impedance with a tank: a stop goes on from an earlier state, which has old energies."""
-    if getattr(innermost(controller), "tank", None) is not None:
-        raise InputError("tank: drive does not keep an energy tank through a stop: replace(controller, tank=None)")
-
-
 def validate_periods(controller: Any, period: float) -> None:
     """Raise `InputError` if a controller was made for another period than the robot's."""
     own = getattr(controller, "control_period", None)

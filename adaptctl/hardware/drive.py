@@ -23,7 +23,6 @@ from adaptctl.hardware.checks import (
     torque_at_rest,
     validate_delay,
     validate_gravity,
-    validate_no_tank,
     validate_periods,
 )
 from adaptctl.hardware.compensation import Compensation
@@ -98,8 +97,8 @@ def drive(
     Raises
     ------
     InputError
-        If the robot is another one than described, moves, stands outside its limits, or would not be held by the
-        estimate, the reference leaves the limits, or the controller has a tank. No torque was sent then.
+        If the robot is another one than described, moves, stands outside its limits, would not be held by the
+        estimate, or the reference leaves the limits. No torque was sent then.
     GainError
         If the damping is too high for the delay that the robot states. No torque was sent then.
     SingularityError
@@ -131,7 +130,6 @@ def drive(
     validate_reference(reference)
     arm = mechanism_of(controller, mechanism)
     validate_periods(controller, robot.period)
-    validate_no_tank(controller)
     validate_reaction(on_touch, controller)
     limits = common_limits(robot, arm, controller)
     guarded = controller if isinstance(controller, SafetyFilter) else _filtered(controller, robot.period)
