@@ -17,7 +17,7 @@ from adaptctl.recording.judgement import facts, joint_errors, outcome_words
 from adaptctl.recording.page import Note
 from adaptctl.recording.report import report
 from adaptctl.recording.result import answers
-from docs.making.gallery import PAGE, PICTURES, SHOWN, outcome_of
+from docs.making.gallery import PAGE, PICTURES, SHOWN, outcome_of, pictures_of
 
 pytestmark = pytest.mark.drawn
 
@@ -194,8 +194,11 @@ def test_the_gallery_has_every_experiment_with_picture_command_and_outcome() -> 
     parts = PAGE.read_text(encoding="utf-8").split("\n## ")[1:]
     assert [part.partition("\n")[0] for part in parts] == [entry.name for entry in SHOWN]
     for entry, part in zip(SHOWN, parts, strict=True):
-        assert (PICTURES / f"{entry.name}.webp").is_file()
-        assert f"](images/gallery/{entry.name}.webp)" in part
+        for file in pictures_of(entry.name):
+            assert (PICTURES / file).is_file()
+            assert f"](images/gallery/{file})" in part
         apart = "" if entry.arguments == entry.name else f" --out results/{entry.name}"
-        assert f"adaptctl experiment run {entry.arguments}{apart}\n" in part
+        [command] = re.findall(r"```console\n(.*?)\n```", part, re.DOTALL)
+        assert " ".join(command.replace("\\\n", " ").split()) == f"adaptctl experiment run {entry.arguments}{apart}"
+        assert max(map(len, command.splitlines())) <= 80
         assert re.search(rf"{re.escape(entry.summary)}\.\n\n\S.*\.\n", part), entry.name

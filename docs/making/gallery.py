@@ -4,39 +4,35 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import suppress
 from html import unescape
+from io import BytesIO
 from pathlib import Path
-from subprocess import run
+from subprocess import DEVNULL, Popen, run
 from typing import NamedTuple, TypeAlias
 
 from PIL import Image
 
 from adaptctl.experiments import EXPERIMENTS
+from adaptctl.hardware.udp_plant import LOOPBACK
 
 DOCS = Path(__file__).resolve().parent.parent
 PICTURES, PAGE = DOCS / "images" / "gallery", DOCS / "gallery.md"
-WIDTH = 960
-"""pixels of a picture"""
+WINDOW = (1560, 878)
+"""pixels of the viewer's window, in which a figure has room for its title, and whose text is legible in half a page"""
 TRIES = 3
 """of a viewer, which on a busy machine may not answer in time"""
 LOOKS = 6
 """Of a viewer, a second apart: what it says of itself when it opens goes away while it is looked at."""
-FIRST = {
-    "task-space": "tool-error",
-    "sheu-walker-1991": "figure-3",
-    "sheu-walker-1991-arms": "tip-error",
-    "laws": "parameter-error",
-    "laws-payload": "parameter-error",
-    "laws-noise": "parameter-error",
-    "laws-saturation": "parameter-error",
-    "laws-friction": "friction",
-    "laws-springs": "parameter-error",
-}
-"""Most relevant figure of an experiment, if it is not the tracking error."""
+FIGURES = {"sheu-walker-1991": "figure-3", "sheu-walker-1991-arms": "tip-error"}
+"""figure of an experiment whose recording has no arm"""
+OPENING = 3.0
+"""s in which a viewer opens"""
+COLUMNS = 80
 
 
 class Shown(NamedTuple):
@@ -93,17 +89,13 @@ HEAD = """# Gallery
 
 All experiments, each with a picture, its command and its result. `make gallery` updates this page.
 
-Most pictures are of a recording. Left: the learning arm; the green ghost is the reference, the orange one the arm
-without adaptation. Right: the joint errors with adaptation and without, the Lyapunov function or the energy, and the
-torques over their limits. A click opens a picture in full size.
+The pictures are of recordings, 8 s after the start: the learning arm, with the reference as a green ghost and the arm
+without adaptation as an orange one; and the errors of its joints. `rerun results/NAME/recording.rrd` shows the whole
+recording.
 """
 Box: TypeAlias = tuple[float, float, float, float]
-WHOLE = (0.0, 0.0, 1.0, 1.0)
-ARM, FIGURES = (0.0, 0.064, 1.0, 0.672), (0.403, 0.064, 1.0, 0.963)
-"""Shares of a viewer's window, left, upper, right and lower: the arm with its curves, and the figures of a recording
-without an arm."""
-TEXT_BELOW_ARM = (0.0, 0.562, 0.4165, 0.672)
-BACKGROUND = (13, 13, 13)
+ARM, ERRORS = (0.0, 0.114, 0.4165, 0.54), (0.4175, 0.075, 0.708, 0.372)
+"""shares of the viewer's window, left, upper, right and lower: the arm, and the errors of its joints"""
 
 
 def make(results: Path) -> list[str]:
@@ -123,64 +115,83 @@ def make(results: Path) -> list[str]:
 
 
 def _picture(name: str, folder: Path) -> Iterator[str]:
-    """Write the picture of an experiment: its recording in the viewer, or a figure; yields what is missing."""
+    """Write the pictures of an experiment: its recording in the viewer, or a figure; yields what is missing."""
     target = PICTURES / f"{name}.webp"
-    tries = 0 if os.environ.get("GALLERY_VIEWER", "on") == "off" else TRIES
-    if not any(_screenshot(folder / "recording.rrd", target) for _ in range(tries)):
-        yield f"{name}: no viewer showed it (no Vulkan, or a busy machine?), so a figure of the report is shown"
-        figures = sorted((folder / "figures").glob("*.png"))
-        if not figures:
-            return
-        chosen = folder / "figures" / f"{FIRST.get(name, 'tracking-error')}.png"
-        _shrink(chosen if chosen.is_file() else figures[0], target)
+    if shows_arm(name):
+        tries = 0 if os.environ.get("GALLERY_VIEWER", "on") == "off" else TRIES
+        if not any(_screenshot(folder / "recording.rrd", target) for _ in range(tries)):
+            yield f"{name}: no viewer showed it (no Vulkan, or a busy machine?)"
+        return
+    figure = folder / "figures" / f"{FIGURES[name]}.png"
+    if figure.is_file():
+        shutil.copy(figure, target.with_suffix(".png"))
 
 
-def _shrink(source: Path, target: Path, part: Box = WHOLE) -> None:
-    with Image.open(source) as picture:
-        whole = picture.convert("RGB")
-    if part == ARM:
-        whole.paste(BACKGROUND, _pixels(TEXT_BELOW_ARM, whole.size))
-    small = whole.crop(_pixels(part, whole.size))
-    small.thumbnail((WIDTH, WIDTH), Image.Resampling.LANCZOS)
-    small.save(target, "WEBP", quality=72, method=6)
+def shows_arm(name: str) -> bool:
+    """True for an experiment that is shown by its arm and the errors of its joints."""
+    return name not in FIGURES
 
 
-def _pixels(part: Box, size: tuple[int, int]) -> tuple[int, int, int, int]:
-    wide, high = size
+def _part_of(picture: Image.Image, part: Box) -> Image.Image:
+    wide, high = picture.size
     left, upper, right, lower = part
-    return round(left * wide), round(upper * high), round(right * wide), round(lower * high)
+    return picture.crop((round(left * wide), round(upper * high), round(right * wide), round(lower * high)))
 
 
 def _screenshot(recording: Path, target: Path, seconds: float = 8.0) -> bool:
-    """Write what a person sees who opens the recording; False where no viewer runs."""
+    """Write the arm and the errors that a person sees who opens the recording; False where no viewer runs."""
+    import rerun_cli
     from rerun.experimental import ViewerClient
 
-    port, path = 20_000 + os.getpid() % 10_000, str(Path(sys.executable).with_name("rerun"))
-    try:
-        with ViewerClient.spawn(headless=True, port=port, hide_welcome_screen=True, executable_path=path) as viewer:
+    port, program = str(20_000 + os.getpid() % 10_000), str(Path(rerun_cli.__file__).with_name("rerun"))
+    size = "x".join(map(str, WINDOW))
+    command = [program, "--headless", "--hide-welcome-screen", "--window-size", size, "--port", port]
+    with Popen(command, stdout=DEVNULL, stderr=DEVNULL) as process:
+        try:
+            time.sleep(OPENING)
+            viewer = ViewerClient.connect(f"rerun+http://{LOOPBACK}:{port}/proxy")
             viewer.open(str(recording.resolve()))
             while viewer.get_state().loading:
                 time.sleep(0.1)
-            with suppress(ConnectionError, RuntimeError):  # what has no motion has no such time
-                viewer.set_time("sim_time", duration=seconds)
             for _ in range(LOOKS):
                 time.sleep(1.0)
+                with suppress(ConnectionError, RuntimeError):  # what has no motion has no such time
+                    viewer.set_time("sim_time", duration=seconds)
                 shown = viewer.take_screenshot()
-            target.write_bytes(shown)
-    except (RuntimeError, ConnectionError, TimeoutError, OSError):
-        return False
-    _shrink(target, target, FIGURES if target.stem.startswith("sheu-walker") else ARM)
+        except (RuntimeError, ConnectionError, TimeoutError, OSError):
+            return False
+        finally:
+            process.terminate()
+    with Image.open(BytesIO(shown)) as picture:
+        whole = picture.convert("RGB")
+    errors = _part_of(whole, ERRORS)
+    arm = _part_of(whole, ARM).resize(errors.size, Image.Resampling.LANCZOS)
+    for picture, place in ((arm, target), (errors, target.with_stem(f"{target.stem}-errors"))):
+        picture.save(place, "WEBP", quality=72, method=6)
     return True
 
 
 def _part(entry: Shown, folder: Path) -> str:
     """Section of an experiment, in Markdown: its question and its outcome, its picture, its command."""
     outcome = outcome_of(folder / "report.html")
-    shown = PICTURES / f"{entry.name}.webp"
-    picture = f"![What {entry.name} shows](images/gallery/{entry.name}.webp)\n\n" if shown.is_file() else ""
-    own = "" if entry.arguments == entry.name else f" --out results/{entry.name}"
-    command = f"```console\nadaptctl experiment run {entry.arguments}{own}\n```\n"
-    return f"## {entry.name}\n\n{picture}{entry.summary}.\n\n{outcome}\n\n{command}"
+    pictures = "\n".join(
+        f"![{words} {entry.name}](images/gallery/{file})" for file, words in pictures_of(entry.name).items()
+    )
+    return f"## {entry.name}\n\n{pictures}\n\n{entry.summary}.\n\n{outcome}\n\n```console\n{command_of(entry)}\n```\n"
+
+
+def pictures_of(name: str) -> dict[str, str]:
+    """Words on the pictures of an experiment, by their files."""
+    if not shows_arm(name):
+        return {f"{name}.png": "Figure of"}
+    return {f"{name}.webp": "Arm in", f"{name}-errors.webp": "Errors in"}
+
+
+def command_of(entry: Shown) -> str:
+    """Command of an experiment, in lines of at most 80 columns."""
+    own = "" if entry.arguments == entry.name else f"--out results/{entry.name}"
+    whole = f"adaptctl experiment run {entry.arguments} {own}".strip()
+    return whole if len(whole) <= COLUMNS else f"adaptctl experiment run {entry.arguments} \\\n    {own}"
 
 
 def outcome_of(report: Path) -> str:
