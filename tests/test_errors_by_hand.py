@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from comparisons import comparison
 from adaptctl.arrays import Array
 from adaptctl.dynamics import load
 from adaptctl.recording import Comparison, Failure, TaskError, judged
-from adaptctl.recording.judgement import facts
+from adaptctl.recording.judgement import facts, outcome_words
 from adaptctl.recording.result import answers
 from adaptctl.simulation import Rollout
 
@@ -124,6 +125,20 @@ def test_task_errors_are_of_the_last_two_seconds() -> None:
     assert task_error.final_rms(what.subject) == pytest.approx(np.sqrt(12.5), rel=1e-14)
     short = shown(run_of(1, 0.1, 19, np.zeros(19), np.zeros(19))).subject
     assert TaskError("distance", "mm", {"adaptive": errors[:19]}).final_rms(short) is None
+
+
+@pytest.mark.parametrize(
+    ("early", "late", "off", "words"),
+    [
+        (0.5, 0.05, 0.1, r"falls from 500 mrad in .* to 50 mrad in .* remains at 100 mrad \(2 times larger\)\."),
+        (0.05, 0.5, 0.1, r"changes from 50 mrad in .* to 500 mrad in .* remains at 100 mrad\."),
+    ],
+)
+def test_what_learning_was_worth_is_told_in_words(early: float, late: float, off: float, words: str) -> None:
+    learnt = np.where(np.arange(60) < 40, early, late)
+    what = shown(run_of(1, 0.1, 60, learnt, STILL))
+    without = replace(SHOWN.runs[1], rollout=run_of(1, 0.1, 60, np.full(60, off), STILL))
+    assert re.search(words, outcome_words(replace(what, runs=(*what.runs, without))))
 
 
 def test_a_run_of_two_seconds_in_half_a_second_is_four_times_as_fast_as_time() -> None:

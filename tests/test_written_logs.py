@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -82,6 +83,7 @@ def test_mcap_has_foxglove_s_schema_and_a_layout_of_its_paths(written: Path) -> 
         assert summary is not None
         topics = {one.topic: summary.schemas[one.schema_id] for one in summary.channels.values()}
         values = {topic: json.loads(next(reader.iter_messages(topic))[2].data) for topic in topics}
+        latest = {topic: next(reader.iter_messages(topic, reverse=True))[2] for topic in topics}
     assert {topics[name].name for name in ("/joint_states", "/desired_joint_states")} == {"foxglove.JointStates"}
     assert topics["/joint_states"].encoding == "jsonschema"
     assert values["/joint_states"]["joints"][0] == {
@@ -90,6 +92,22 @@ def test_mcap_has_foxglove_s_schema_and_a_layout_of_its_paths(written: Path) -> 
         "velocity": ROLLOUT.v[0, 0],
         "effort": ROLLOUT.applied[0, 0],
     }
+    last = {topic: json.loads(message.data) | {"log_time": message.log_time} for topic, message in latest.items()}
+    kinds = {
+        "/joint_states": {"position": ROLLOUT.p, "velocity": ROLLOUT.v, "effort": ROLLOUT.applied},
+        "/desired_joint_states": {
+            "position": ROLLOUT.reference_p,
+            "velocity": ROLLOUT.reference_v,
+            "acceleration": ROLLOUT.reference_a,
+        },
+    }
+    for topic, of in kinds.items():
+        for j, name in enumerate(JOINTS):
+            told = {"name": name} | {field: values[-1, j] for field, values in of.items()}
+            assert last[topic]["joints"][j] == told
+        stamp = last[topic]["timestamp"]
+        assert stamp["sec"] + 1e-9 * stamp["nsec"] == pytest.approx(ROLLOUT.time[-1], abs=1e-9)
+        assert last[topic]["log_time"] == round(1e9 * ROLLOUT.time[-1])
     layout = json.loads((written / "foxglove.json").read_text())
     for panel in layout["configById"].values():
         for series in panel["paths"]:
@@ -114,11 +132,17 @@ def test_a_data_set_has_an_episode_for_each_run(written: Path) -> None:
         (count, 2 * count),
     ]
     stats = json.loads((written / "two" / "meta" / "stats.json").read_text())
-    np.testing.assert_allclose(stats["action"]["mean"], ROLLOUT.torque.mean(axis=0), atol=1e-12)
+    expected = {"mean": np.mean, "std": np.std, "min": np.min, "max": np.max}
+    expected |= {f"q{q:02d}": partial(np.percentile, q=q) for q in (1, 10, 50, 90, 99)}
+    for name, of in expected.items():
+        np.testing.assert_allclose(stats["action"][name], of(ROLLOUT.torque, axis=0), atol=1e-12)
     for i in range(2):
         table = pq.read_table(written / "two" / "data" / "chunk-000" / f"file-00{i}.parquet")
         assert set(table.column_names) == set(info["features"])
         assert table["episode_index"].unique().to_pylist() == [i]
+        np.testing.assert_allclose(table["timestamp"].to_numpy(), ROLLOUT.time - ROLLOUT.time[0], atol=1e-12)
+        np.testing.assert_array_equal(table["frame_index"].to_numpy(), np.arange(count))
+        np.testing.assert_array_equal(table["index"].to_numpy(), np.arange(count) + i * count)
 
 
 @pytest.mark.parametrize(
@@ -128,7 +152,7 @@ def test_a_data_set_has_an_episode_for_each_run(written: Path) -> None:
         (["{0}", "--to", "mcap", "--out", "x"], "--out: MCAP is written beside each recording"),
         (["{0}", "--to", "lerobot"], "--out: expected the folder of the data set"),
         (["{0}", "--to", "lerobot", "--out", "{0}/set"], "--out: {0}/set is not empty; choose another folder"),
-        (["{0}/none", "--to", "mcap"], "trace.parquet: cannot be read"),
+        (["{0}/none", "--to", "mcap"], "none/trace.parquet: does not exist"),
         (
             ["{0}", "{0}/other", "--to", "lerobot", "--out", "{0}/new"],
             "has one robot, but {0} is of two_link, and {0}/other of puma",

@@ -1,0 +1,84 @@
+"""Curves of the figures of comparisons are the numbers that their axes name."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from comparisons import PERIOD, comparison
+
+from adaptctl.arrays import Array
+from adaptctl.dynamics import load
+from adaptctl.recording import Comparison
+from adaptctl.recording.contact_force import contact_forces, contact_points
+from adaptctl.recording.figures import drawings
+from adaptctl.simulation.mujoco_plant import TOUCH_FLAGS
+
+
+@pytest.fixture(scope="module")
+def shown() -> Comparison:
+    return comparison(load("two_link"))
+
+
+def curves(shown: Comparison, name: str, panel: int) -> list[tuple[Array, Array]]:
+    """Places and heights of the lines of a panel of a figure."""
+    lines = drawings(shown)[name].draw().axes[panel].lines
+    return [(np.asarray(line.get_xdata()), np.asarray(line.get_ydata())) for line in lines]
+
+
+def test_tracking_errors_are_of_a_quarter_of_a_second_in_thousandths(shown: Comparison) -> None:
+    drawn = curves(shown, "tracking-error", 0)
+    for run, (time, height) in zip(reversed(shown.runs), drawn, strict=True):
+        assert time[-1] == run.rollout.time[-1]
+        last = run.rollout.error[-round(0.25 / PERIOD) :]
+        assert height[-1] == pytest.approx(1e3 * np.sqrt(np.mean(last**2)), rel=1e-4)
+
+
+def test_errors_of_joints_are_drawn_whole_and_in_their_last_two_seconds(shown: Comparison) -> None:
+    run = shown.subject.rollout
+    for panel, first in ((0, 0), (1, round((run.duration - 2.0) / PERIOD))):
+        for j, (time, height) in enumerate(curves(shown, "joint-errors", panel)):
+            np.testing.assert_allclose(time, run.time[first:])
+            np.testing.assert_allclose(height, 1e3 * run.error[first:, j])
+
+
+def test_falls_of_the_lyapunov_function_are_drawn_where_they_end(shown: Comparison) -> None:
+    values = np.array(shown.subject.lyapunov)
+    values[700] = values[699] + 0.5
+    risen = replace(shown, runs=(replace(shown.subject, lyapunov=values), shown.runs[1]))
+    time = shown.subject.rollout.time
+    (falls, rises), (whole, *_) = curves(risen, "lyapunov", 1), curves(risen, "lyapunov", 0)
+    np.testing.assert_allclose(whole[1], values)
+    steps = np.diff(values)
+    np.testing.assert_allclose(falls[0], time[1:])
+    np.testing.assert_allclose(falls[1], np.where(steps < 0.0, -steps, np.nan))
+    np.testing.assert_allclose(rises[0], [time[700]])
+    np.testing.assert_allclose(rises[1], [0.5])
+
+
+def test_torques_and_estimates_are_those_of_the_run(shown: Comparison) -> None:
+    run = shown.subject.rollout
+    for j, limit in enumerate(shown.torque_limits):
+        axes = drawings(shown)["torque"].draw().axes[j]
+        np.testing.assert_allclose(axes.lines[0].get_ydata(), run.applied[:, j])
+        np.testing.assert_allclose(axes.get_ylim(), [-1.25 * limit, 1.25 * limit])
+        peak = 100.0 * np.abs(run.applied[:, j]).max() / limit
+        assert axes.texts[0].get_text() == f"peak {peak:.0f} %"
+    largest = int(np.argmax(np.abs(shown.true_parameters)))
+    time, height = curves(shown, "parameters", 0)[-1]
+    np.testing.assert_allclose(height, np.interp(time, run.time, run.estimate[:, largest]), rtol=1e-9)
+
+
+def test_forces_of_contacts_are_means_and_points_those_of_the_last_contact(shown: Comparison) -> None:
+    """Means of 50 ms, of the contact's three parts; a point stays where the contact opened."""
+    rng, count = np.random.default_rng(0), len(shown.subject.rollout.time)
+    force, point = rng.normal(size=(count, 3)), rng.normal(size=(count, 3))
+    closed = (np.arange(count) // 100) % 2 == 1
+    told = np.concatenate([force, point], axis=1) * closed[:, None]
+    run = replace(shown.subject.rollout, flags=dict(zip(TOUCH_FLAGS, told.T, strict=True)))
+    width = round(0.05 / PERIOD)
+    np.testing.assert_allclose(contact_forces(run)[150], force[151 - width : 151].mean(axis=0))
+    points = contact_points(run)
+    np.testing.assert_array_equal(points[150], point[150])
+    np.testing.assert_array_equal(points[[200, 250, 299]], point[[199] * 3])
