@@ -242,6 +242,19 @@ def test_the_tool_goes_behind_the_wall() -> None:
     assert distances[2] < 0.0
 
 
+@pytest.mark.parametrize("name", ["table", "wall"])
+def test_a_surface_swings_on_its_spring_and_fades_as_its_damper_says(name: str) -> None:
+    """At sqrt(k/m) of 0.3 kg, with a damping ratio of a quarter, of which a swing leaves exp(-pi/2/sqrt(1 - 1/16))."""
+    model = ContactEnv(scene=name, surface=3e3, duration=0.02).plant.model
+    data, joint = mujoco.MjData(model), model.body(name).jntadr[0]
+    at = int(model.jnt_qposadr[joint])
+    mujoco.mj_resetData(model, data)
+    data.qpos[at] = 0.01
+    swing = 2.0 * np.pi / np.sqrt((1.0 - 0.25**2) * 3e3 / 0.3)
+    mujoco.mj_step(model, data, round(swing / model.opt.timestep))
+    assert data.qpos[at] / 0.01 == pytest.approx(np.exp(-0.5 * np.pi / np.sqrt(1.0 - 0.25**2)), rel=0.05)
+
+
 def test_a_hand_pushes_the_tool() -> None:
     env = ContactEnv(scene="air", duration=0.1, pushes=[HandPush([0.0, 20.0, 0.0], start=0.05, duration=1.0)])
     run = adaptctl.rollout(env, PDGravity(env.mechanism, 5.0, [10.0, 10.0, 10.0]), seed=0)

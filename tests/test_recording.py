@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -112,19 +113,25 @@ def test_recording_holds_every_estimate_and_its_true_value(folder: Path, shown: 
     assert place == len(shown.basis.names)
 
 
-def test_recording_moves_every_link_where_kinematics_put_it(folder: Path, shown: Comparison) -> None:
-    model, run = shown.mechanism.to_pinocchio(), shown.subject.rollout
+@pytest.mark.parametrize(
+    ("who", "of"),
+    [("adaptive", lambda shown: shown.subject.rollout.p), ("desired", lambda shown: shown.subject.rollout.reference_p)],
+)
+def test_recording_moves_every_link_where_kinematics_put_it(
+    folder: Path, shown: Comparison, who: str, of: Callable[[Comparison], Array]
+) -> None:
+    model, p = shown.mechanism.to_pinocchio(), of(shown)
     data = model.createData()
     stream = RrdReader(folder / "recording.rrd").store().stream()
-    for chunk in stream.filter(content="/world/adaptive/link4", is_static=False):
+    for chunk in stream.filter(content=f"/world/{who}/link4", is_static=False):
         batch = chunk.to_record_batch()
         ticks = np.round(batch["sim_time"].cast(pa.int64()).to_numpy() * 1e-9 / PERIOD).astype(int)
         places = batch["Transform3D:translation"].flatten().flatten().to_numpy().reshape(-1, 3)
         for tick, place in list(zip(ticks, places, strict=True))[::100]:
-            pinocchio.framesForwardKinematics(model, data, run.p[tick])
+            pinocchio.framesForwardKinematics(model, data, p[tick])
             np.testing.assert_allclose(place, data.oMf[model.getFrameId("link4")].translation, atol=1e-6)
         return
-    pytest.fail("the recording has no moving link4")
+    pytest.fail(f"the recording has no moving link4 of {who}")
 
 
 def test_recording_shows_the_arm_its_ghosts_and_the_offline_stage(folder: Path) -> None:
