@@ -46,6 +46,7 @@ ALIKE = {
         "runs begin at 0 s"
     ),
     "adaptctl/contest/trial.py::_torques 0.1 -> 0.2 (again 1)": "any measurements tell if a law uses the links",
+    "adaptctl/files.py::replacing True -> False": "that a file is missing is among the errors that are passed over",
     "adaptctl/sweeps/search.py::search 1e+300 -> 2e+300": "errors are below both, and runs that failed above them",
 }
 """Mutants that mean the same as the code, by their keys, and why no test can tell them from it."""

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from adaptctl.cli import heartbeat as module
+
 BEGIN = """
 import sys, time
 from adaptctl.cli import heartbeat as module
@@ -58,6 +60,11 @@ def _shown(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_line_goes_before_what_is_printed() -> None:
     assert seen(WORK) == "\r\x1b[Kadaptctl: gains, 0 s\r\x1b[Kresult\n"
+
+
+def test_a_second_without_output_is_told_within_it() -> None:
+    """It is looked four times within the patience."""
+    assert 0.5 < 1.25 * module.PATIENCE <= 1.0
 
 
 def test_a_question_stays_as_it_is() -> None:

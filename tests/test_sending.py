@@ -154,3 +154,37 @@ def test_caches_are_left_behind() -> None:
     assert "value" in vars(slow)
     for sent in WAYS:
         assert "value" not in vars(sent(slow))
+
+
+class Plain:
+    """Object with something to compute once."""
+
+    def __init__(self) -> None:
+        self.size = 2
+
+    @cached_property
+    def square(self) -> int:
+        return self.size**2
+
+
+class Stateful(Plain):
+    """One that says itself what is sent of it."""
+
+    def __getstate__(self) -> dict[str, int]:
+        return {"size": self.size, "sent": 1}
+
+    def __setstate__(self, state: dict[str, int]) -> None:
+        vars(self).update(state)
+
+    @cached_property
+    def cube(self) -> int:
+        return self.size**3
+
+
+def test_what_was_computed_stays_behind_and_a_state_of_ones_own_is_sent() -> None:
+    plain, own = Plain(), Stateful()
+    assert (plain.square, own.square, own.cube) == (4, 4, 8)
+    for send in (copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))):
+        assert vars(send(plain)) == {"size": 2}
+        assert vars(send(own)) == {"size": 2, "sent": 1}
+        assert send(own).cube == 8
