@@ -8,6 +8,7 @@ import json
 import re
 import warnings
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -173,3 +174,10 @@ def test_the_demo_shows_the_next_law_where_the_first_is_too_large() -> None:
     assert isinstance(live, LiveArm)
     assert live.label == "Gradient, 36 parameters"
     assert live.label in live.html(live.label)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_contenders_that_no_page_can_show_are_told_why(count: int) -> None:
+    env: Any = SimpleNamespace(unwrapped=object())
+    contenders: Any = [SimpleNamespace(controller=None, label="law")] * count
+    assert live_contender(env, contenders, 0, {}) == "object does not expose its plant and reference"
