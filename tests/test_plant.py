@@ -181,3 +181,15 @@ def test_bad_arguments_are_refused(plant: Plant) -> None:
 def test_a_motion_that_runs_away_is_refused(plant: Plant) -> None:
     with pytest.raises(NonFiniteError, match="the motion diverged after 0 s: use a shorter control period"):
         plant.step(plant.init(np.zeros(6), np.full(6, 1e150)), np.zeros(6))
+
+
+def test_a_loop_that_closes_the_other_way_is_where_the_arm_cannot_be() -> None:
+    """At the same primary joints, which are within all conditions."""
+    arm = load("semi_direct_drive")
+    p, plant = arm.neutral_configuration, Plant(arm, 1e-3)
+    own, other = arm.configuration(p), column([*p.tolist(), 3.0182, 4.6712])
+    for _ in range(5):
+        other = arm.equations.closed(column(p), other)
+    q = np.array(other.of, dtype=np.float64)
+    np.testing.assert_allclose(np.array(arm.equations.closed(column(p), other).of, dtype=np.float64), q, atol=1e-12)
+    assert plant.is_valid_configuration(np.array([own, q])).tolist() == [True, False]
