@@ -56,7 +56,7 @@ def test_without_a_touch_nothing_is_felt() -> None:
 
 
 def test_a_touch_stops_the_arm_on_its_path() -> None:
-    run, robot = driven((15.0, 0.0, 0.0))
+    run, robot = driven((15.0, 0.0, 0.0), last=4.2)
     event = run.touches[0]
     assert isinstance(event, TouchEvent)
     assert 3.96 < event.time < 4.04
@@ -86,6 +86,30 @@ def test_a_touched_arm_goes_back_the_way_it_came() -> None:
     off = np.linalg.norm(states[-1] - came, axis=1)
     assert off.min() < 0.02
     assert 0.5 < (350 - off.argmin()) * PERIOD < 1.4
+
+
+class ClampingRobot(PushedRobot):
+    """A robot whose last link has a soft wall in its way, from a time on."""
+
+    def read(self) -> Any:
+        data, now = self.plant._scene._data, self._count * PERIOD
+        if now == self.first:
+            self.wall, self.side = data.xipos[-1].copy(), data.xipos[-1] - self.before
+        self.before = data.xipos[-1].copy()
+        if now >= self.first:
+            way = self.side / np.linalg.norm(self.side)
+            self.deep = float(way @ (data.xipos[-1] - self.wall))
+            data.xfrc_applied[-1, :3] = -2000.0 * max(self.deep, 0.0) * way
+        return RecordedRobot.read(self)
+
+
+def test_a_stopped_arm_that_clamps_something_goes_back() -> None:
+    robot = ClampingRobot(ARM, PERIOD, CENTER)
+    run = adaptctl.drive(robot, law(), REFERENCE, 6.0, lead_in=1.5)
+    assert run.stopped.startswith("touched: ")
+    assert run.stopped.endswith(", and clamped")
+    assert (run.by_robot, robot.breaches) == (False, [])
+    assert robot.deep < 0.0
 
 
 def test_a_touched_arm_yields_until_it_is_left_alone() -> None:

@@ -85,9 +85,10 @@ def drive(
     live : Live, optional
         Live view of the run. Default: none.
     on_touch : {"ignore", "stop", "comply", "retract"}, default "stop"
-        Reaction to external torques above their levels, of a controller `with_external_torque`: stop on the path; yield
-        until nothing was felt for 1 s, and stop there; or go back 1 s of the path; "ignore" follows the path, without
-        learning. Stopping is the default, as what was not expected may be a person.
+        Reaction to external torques above their levels, of a controller `with_external_torque`: stop on the path, and
+        go back 1 s of it from what is still felt 0.3 s later, as it is clamped; yield until nothing was felt for 1 s,
+        and stop there; or go back 1 s of the path at once; "ignore" follows the path, without learning. Stopping is the
+        default, as what was not expected may be a person.
 
     Returns
     -------

@@ -18,6 +18,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.joint_units import error_unit
 from adaptctl.errors import NonFiniteError
 from adaptctl.hardware.acceleration import PossibleAcceleration
+from adaptctl.hardware.checks import innermost
 from adaptctl.hardware.compensation import Compensation
 from adaptctl.hardware.gravity import GravityTorque
 from adaptctl.hardware.interruptions import ignore_interruptions, interruptions, tell_of_stop
@@ -111,7 +112,7 @@ class DriveLoop:
         self.guard = TorqueGuard(self.limits, self.robot.period, held)
         self.offset = self.guard.torque + added - own
         self.state = self.controller.init(now.p, rest, torque=self.guard.torque + added)
-        self.learned, self._first_estimate = self.state, self._estimate
+        self.learned, self._first_estimate, self.applied = self.state, self._estimate, self.guard.torque + added
         self.proven, self._began, self.start_p = self._described(self.state), now.time, now.p
         self._holds = braked and not self.robot.compensates_gravity  # which else has a payload that may sink
         if self.interrupted:
@@ -133,6 +134,8 @@ class DriveLoop:
         if trouble and (self.stop is None or self.stop.yields):
             self._begin_stop(trouble, reading, point)
             point = self._point(reading)
+        elif self.stop is not None and self.stop.feels and self.feeling.clamps(self.stop.end, self.time):
+            self._free(self.stop)
         added = self.compensation(reading)
         total, after = self._torque(reading, point)
         wanted, before = total - added, self.guard.torque
@@ -220,14 +223,25 @@ class DriveLoop:
             return
         if self.stop is None:
             self.learned = self.state
-        state = self.held_state.at(self.proven, self.state)
+        feels = reason.startswith(TOUCHED)
+        state = self._proven_feeling() if feels else self.held_state.at(self.proven, self.state)
         near = (np.abs(reading.p - point.p) <= 0.5 * self.max_error).all()
         ends = self._nears_an_end(reading).any()
         if near and self.stop is None and not ends and not reason.endswith(TOO_FAST):
             self.stop = PlannedStop.along(self.path, self.time, point.v, state, reason, self.stopping)
         else:
             self.stop = PlannedStop.ahead(reading.p, self.time, reading.v, state, reason, self.stopping)
+        self.stop, self._speed = replace(self.stop, feels=feels), point.v
         self.stopped = self.stopped or ("" if reason == "done" else reason)
+
+    def _proven_feeling(self) -> Any:
+        """State of now, which still feels, with the estimate that has proven good."""
+        return self.held_state.with_estimate(self.state, np.asarray(innermost(self.proven).estimate))
+
+    def _free(self, stop: PlannedStop) -> None:
+        """Go back from what is clamped."""
+        self.stop = stop.retreat(self.time, self._speed, self.stopping)
+        self.stopped = self.stop.reason
 
     def _react(self, reason: str, point: ReferencePoint) -> None:
         """Retract or yield, with the estimate of now, which was trusted before the touch."""
@@ -241,11 +255,12 @@ class DriveLoop:
     def _torque(self, reading: RobotReading, point: ReferencePoint) -> tuple[Array, Any]:
         """Torque (r,) for the arm, and the controller's next state."""
         if self.stop is not None:
-            state = self.held_state.without_learning(self.stop.state, self.guard.torque)
+            state = self.held_state.without_learning(self.stop.state, self.applied)
             torque, after = self.controller.step(state, reading.p, reading.v, point)
             if after.flags.stopped[0] > 0.5 or (np.abs(reading.p - point.p) > self.max_error).any():
                 self._robot_stops(f"{self.stop.reason}; and the planned stop failed")
-            after = after if self.stop.yields else self.held_state.at(self.stop.state, after)
+            if not (self.stop.yields or self.stop.feels):
+                after = self.held_state.at(self.stop.state, after)
             self.stop = replace(self.stop, state=after)
             return torque, after
         try:
@@ -267,7 +282,8 @@ class DriveLoop:
 
     def _learn(self, after: Any, applied: Array, sound: bool, reading: RobotReading, point: ReferencePoint) -> None:
         """Keep the next state, and an estimate that has proven good."""
-        if self.stop is None or self.stop.yields:
+        self.applied = applied
+        if self.stop is None or self.stop.yields or self.stop.feels:
             self.feeling.feel(after, self.time)
         self.learning = sound and self.stop is None and self.time >= RAMP
         self.state = after if self.learning else self.held_state.without_learning(after, applied)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,13 +21,14 @@ PATIENCE = 2.0
 
 @dataclass(frozen=True)
 class PlannedStop:
-    """Path to rest, its end in s, and the state of the controller that follows it, or that yields to a touch."""
+    """Path to rest, its end in s, the state of the controller that follows it, or yields to a touch, or still feels."""
 
     path: Reference
     end: float
     state: Any
     reason: str
     yields: bool = False
+    feels: bool = False
 
     @classmethod
     def back(
@@ -36,6 +37,11 @@ class PlannedStop:
         """Retreat along the path it came."""
         way = Retreat(path, time, float(stopping.duration(v)))
         return cls(way, way.end, state, reason)
+
+    def retreat(self, time: float, v: Array, stopping: StoppingDistance) -> PlannedStop:
+        """Way back from where this stop has ended, of something that is clamped."""
+        way = Retreat(self.path, self.end, float(stopping.duration(v)), time - self.end)
+        return replace(self, path=way, end=way.end, reason=f"{self.reason}, and clamped", feels=False)
 
     @classmethod
     def along(

@@ -21,6 +21,8 @@ BACK = 1.0
 """s of the path that a retreat goes back"""
 CALM = 1.0
 """s without a touch after which a touch is over"""
+CLAMPED = 0.3
+"""s of touch at rest after which what is touched is clamped"""
 SOFT = 0.2
 """share of the controller's damping that a complying arm keeps"""
 
@@ -58,7 +60,7 @@ class Feeling:
     """Touches of a run, from the states of its controller."""
 
     def __init__(self, names: Sequence[str]) -> None:
-        self.names, self.events, self._last = names, list[TouchEvent](), -np.inf
+        self.names, self.events, self._last, self._free = names, list[TouchEvent](), -np.inf, -np.inf
         self.torque, self.touched = np.zeros(len(names)), False
 
     def feel(self, state: Any, time: float) -> None:
@@ -70,11 +72,16 @@ class Feeling:
         ready = watch.age[0] >= YOUTH and watch.announced[0] < 0.5
         self.touched = bool(ready and (np.abs(self.torque) > level).any())
         if not self.touched:
+            self._free = time
             return
         if time - self._last > CALM:
             k = int(np.argmax(np.abs(self.torque) - level))
             self.events.append(TouchEvent(time, self.names[k], float(self.torque[k]), float(level[k])))
         self._last = time
+
+    def clamps(self, since: float, time: float) -> bool:
+        """True if something was felt all the time since the arm came to rest, for long enough."""
+        return self.touched and time - max(since, self._free) > CLAMPED
 
     def over(self, time: float) -> bool:
         """True if nothing was felt for a while."""
@@ -83,11 +90,12 @@ class Feeling:
 
 @dataclass(frozen=True, eq=False)
 class Retreat:
-    """Path that turns round at a time, goes back the way it came, and comes to rest."""
+    """Path that turns round at a time, or later from there, goes back the way it came, and comes to rest."""
 
     path: Reference
     time: float
     seconds: float
+    later: float = 0.0
 
     @property
     def back(self) -> float:
@@ -97,11 +105,11 @@ class Retreat:
     @property
     def end(self) -> float:
         """Time in s at which it is at rest."""
-        return self.time + 3.0 * self.seconds + self.back
+        return self.time + self.later + 3.0 * self.seconds + self.back
 
     def __call__(self, t: Any) -> ReferencePoint:
         """Reference point at some times (...) in s."""
-        passed = np.maximum(np.asarray(t, dtype=np.float64) - self.time, 0.0)
+        passed = np.maximum(np.asarray(t, dtype=np.float64) - self.time - self.later, 0.0)
         d, b = self.seconds, self.back
         turned, slowed = np.clip(passed / (2.0 * d), 0.0, 1.0), np.clip((passed - 2.0 * d - b) / d, 0.0, 1.0)
         back = np.clip(passed - 2.0 * d, 0.0, b)
