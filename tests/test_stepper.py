@@ -254,7 +254,7 @@ def test_a_processor_without_avx_gets_what_it_can_run(processor: Processor) -> N
 
 @pytest.mark.parametrize("lanes", [1, 2, 4, 8])
 def test_code_for_a_processor_without_avx_uses_none(lanes: int) -> None:
-    text, _ = program(trace(swing, dict.fromkeys(("q", "v", "stiffness", "target", "push"), 2)), Lanes(lanes))
+    text = program(trace(swing, dict.fromkeys(("q", "v", "stiffness", "target", "push"), 2)), Lanes(lanes)).text
     module = llvm.parse_assembly(text.replace("define internal", "define"), llvm.create_context())
     assembly = BASELINE.machine().emit_assembly(module)
     assert "%xmm" in assembly or not X86

@@ -182,8 +182,9 @@ class Kernel:
         """Code for one sample."""
         if self._single is None and has_builtins():
             routine = self._routine()
-            text, symbol = program(routine, Lanes())
-            self._single = load(f"{text}\n{builtin_source(routine, symbol, finite=self._finite, form=self._form)}")
+            text, symbol, pieces = program(routine, Lanes())
+            entry = builtin_source(routine, symbol, finite=self._finite, form=self._form)
+            self._single = load(f"{text}\n{entry}", pieces=pieces)
         return self._single
 
     def _routine(self) -> Routine:
@@ -283,9 +284,9 @@ class Kernel:
         if self._many is None:
             processor, routine = Processor.host(), self._routine()
             lanes = Lanes(processor.lanes)
-            text, symbol = program(routine, lanes)
+            text, symbol, pieces = program(routine, lanes)
             checked = {"inputs": self._finite is True, "outputs": bool(self._finite)}
-            code = load(f"{text}\n{batch(routine, symbol, lanes, checked)}", processor)
+            code = load(f"{text}\n{batch(routine, symbol, lanes, checked)}", processor, pieces)
             self._many = code, NativeBatch(code.address(ENTRY))
         return self._many[1]
 

@@ -22,27 +22,49 @@ PROLOGUE_SUFFIX = ".before"
 """suffix of the name of a step's prologue"""
 
 
+class Program(NamedTuple):
+    """
+    LLVM IR of a routine with its calls, and its function's name.
+
+    `pieces` is a module beside it of a routine in pieces, for code that is made quickly.
+    """
+
+    text: str
+    symbol: str
+    pieces: str = ""
+
+
 def program(
     routine: Routine,
     lanes: Lanes,
     same: Invariants = NONE,
     uniform: Container[int] = (),
     apart: Mapping[Any, str] = MappingProxyType({}),
-) -> tuple[str, str]:
-    """LLVM IR of a routine and its calls, and its function's name; routines `apart` have another module."""
+) -> Program:
+    """Program of a routine; routines `apart` have another module."""
     symbols = _symbols(routine) | dict(apart)
-    functions = [_called(r, symbols, lanes) for r in symbols if r is not routine and r not in apart]
-    functions += [f"declare void @{symbol}({', '.join(_pointers(r, NONE))})" for r, symbol in apart.items()]
-    landed = landings(routine).places
+    declared = [f"declare void @{symbol}({', '.join(_pointers(r, NONE))})" for r, symbol in apart.items()]
+    called = {r: _called(r, symbols, lanes) for r in symbols if r is not routine and r not in apart}
+    functions, landed, symbol = [*called.values(), *declared], landings(routine).places, symbols[routine]
     parts = {routine: pieces(routine.body, landed)}
     if same.stored:
         before = same.before(routine)
-        symbols[before], parts[before] = f"{symbols[routine]}{PROLOGUE_SUFFIX}", pieces(before.body)
+        symbols[before], parts[before] = f"{symbol}{PROLOGUE_SUFFIX}", pieces(before.body)
         functions.append(_function(before, parts[before], symbols, lanes))
         parts[routine] = pieces(same.left(routine), {**same.places, **landed})
-    functions.append(_function(routine, parts[routine], symbols, lanes, same, uniform))
+    own = _function(routine, parts[routine], symbols, lanes, same, uniform)
+    if len(parts[routine]) == 1:
+        return Program(_with_sines([*functions, own], lanes), symbol)
+    declared += [f"declare void @{symbols[r]}({', '.join(_pointers(r, NONE))})" for r in called]
+    functions = [text.replace("define internal void", "define void") for text in functions]
+    functions.append(f"declare void @{symbol}({', '.join(_pointers(routine, same))})")
+    own = own.replace(f"define internal void @{symbol}(", f"define void @{symbol}(")
+    return Program(_with_sines(functions, lanes), symbol, _with_sines([*declared, own], lanes))
+
+
+def _with_sines(functions: Sequence[str], lanes: Lanes) -> str:
     text = "\n".join(functions)
-    return f"{text}\n{_sines(text, lanes)}", symbols[routine]
+    return f"{text}\n{_sines(text, lanes)}"
 
 
 MIN_APART = 500

@@ -210,9 +210,10 @@ class Stepper:
         self.operations.subtract(x.op for x in same.computed)
         first = len(state) + len(columns[Source.HELD])
         self._called, apart = _shared(routine, lanes, processor) if lanes.count == 1 else ([], {})
-        text, symbol = program(routine, lanes, same, range(first, first + len(columns[Source.SHARED])), apart)
+        shared = range(first, first + len(columns[Source.SHARED]))
+        text, symbol, pieces = program(routine, lanes, same, shared, apart)
         lengths = {source: tuple(part.values()) for source, part in columns.items()}
-        self._code = load(f"{text}\n{loop(routine, symbol, lanes, lengths, len(same.stored))}", processor)
+        self._code = load(f"{text}\n{loop(routine, symbol, lanes, lengths, len(same.stored))}", processor, pieces)
         self.native = NativeLoop(self._code.address(ENTRY))
 
     def ensemble(self, members: int) -> Ensemble:

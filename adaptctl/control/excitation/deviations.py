@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from adaptctl.arrays import Array
+from adaptctl.identifiability.factorisation import triangle
 
 # Floor under the lengths of columns times prior ranges, relative to the longest,
 # so that one of round-off alone stays short.
@@ -21,8 +22,7 @@ def least_squares_deviations(Y: Array, ranges: Array) -> tuple[float, Array]:
     size = np.linalg.norm(Y, axis=0)
     size = np.maximum(size, MIN_COLUMN_RATIO * (size * ranges).max() / ranges)
     size[size == 0.0] = 1.0
-    triangle = np.linalg.qr(Y / size, mode="r")  # of the same singular values, and k rows instead of m
-    _, values, directions = np.linalg.svd(triangle)
+    _, values, directions = np.linalg.svd(triangle(Y / size))  # of the same singular values, and k rows instead of m
     rank = int(np.sum(values > UNEXCITED_RATIO * values[0]))
     excited, not_excited = directions[:rank], directions[rank:]
     found = np.linalg.norm(excited / values[:rank, None], axis=0) / size
