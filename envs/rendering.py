@@ -50,7 +50,11 @@ class Renderer:
         self._caption = Caption(mechanism.name, {"arm": RUN_COLORS[0], "reference": GOAL}, width, height)
 
     def image(self, p: Array, goal: Array, time: float) -> NDArray[np.uint8]:
-        """RGB image at `p`, with a ghost at `goal`."""
+        """RGB image at `p`, with a ghost at `goal` and a caption."""
+        return self._caption.over(self.bare_image(p, goal), time)
+
+    def bare_image(self, p: Array, goal: Array) -> NDArray[np.uint8]:
+        """RGB image at `p`, with a ghost at `goal`, without a caption."""
         solids = [*self._pedestals, *self._arm(p)]
         picture = self._backdrop.copy()
         depth = np.full(picture.shape[:2], np.inf)  # the floor hides nothing: an arm without stops may sink into it
@@ -63,7 +67,7 @@ class Renderer:
         for distance, colors in self._beside:  # translucent, so that it hides no arm
             before = distance < depth
             picture[before] += BESIDE_OPACITY * (colors[before] - picture[before])
-        return self._caption.over(_pixels(picture), time)
+        return _pixels(picture)
 
     def _box(self, pose: Pose, size: Array) -> tuple[Array, Array]:
         """Distances (H, W) and colours (H, W, 3) of a box that stands beside the arm."""

@@ -15,8 +15,10 @@ from adaptctl.envs.rendering import Renderer
 from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
 
 DURATION, FRAMES_A_SECOND = 6.0, 10
-WIDTH, HEIGHT, CURVES = 380, 300, 84
+WIDTH, HEIGHT, CURVES = 380, 300, 92
 """pixels: of each arm's picture, and of the curves below"""
+FONT = 20
+"""pixels, of which a phone shows half"""
 LEARNS, OFF, INK, PAPER = (27, 108, 214), (232, 110, 28), (28, 34, 48), (255, 255, 255)
 TITLES = ("learning", "adaptation off")
 
@@ -46,14 +48,19 @@ def write_animation(path: Path) -> None:
 
 def _frame(runs: tuple[adaptctl.Rollout, ...], renderers: list[Renderer], errors: list[Array], k: int) -> Image.Image:
     frame = Image.new("RGB", (2 * WIDTH, HEIGHT + CURVES), PAPER)
-    draw, font = ImageDraw.Draw(frame), ImageFont.load_default(15)
+    draw, font = ImageDraw.Draw(frame), ImageFont.load_default(FONT)
     for i, (run, renderer) in enumerate(zip(runs, renderers, strict=True)):
-        picture = renderer.image(run.p[k], run.reference_p[k], float(run.time[k]))
+        picture = renderer.bare_image(run.p[k], run.reference_p[k])
         frame.paste(Image.fromarray(picture), (i * WIDTH, 0))
         color = (LEARNS, OFF)[i]
         text = f"{TITLES[i]}: {errors[i][k]:.1f} mrad"
-        draw.text((i * WIDTH + 12, HEIGHT - 26), text, fill=color, font=font)
-    draw.text((12, HEIGHT + 4), "RMS tracking error, 6 s, 0.1 to 100 mrad (logarithmic)", fill=INK, font=font)
+        draw.text((i * WIDTH + 12, 6), text, fill=color, font=font)
+    draw.text(
+        (12, HEIGHT + 4),
+        "RMS tracking error, 6 s, 0.1 to 100 mrad (logarithmic); green: reference",
+        fill=INK,
+        font=font,
+    )
     for values, color in zip(errors, (LEARNS, OFF), strict=True):
         draw.line(_curve(values, k), fill=color, width=2)
     return frame
@@ -63,6 +70,6 @@ def _curve(values: Array, k: int) -> list[tuple[float, float]]:
     """Points of a curve until sample k, on a logarithmic scale of three decades from 0.1 mrad."""
     at = np.arange(0, k + 1, 20)
     heights = np.clip((np.log10(np.maximum(values[at], 1e-9)) + 1.0) / 3.0, 0.0, 1.0)
-    rows = HEIGHT + CURVES - 6 - heights * (CURVES - 32)
+    rows = HEIGHT + CURVES - 6 - heights * (CURVES - 40)
     points = [(12 + (2 * WIDTH - 24) * float(i) / len(values), float(y)) for i, y in zip(at, rows, strict=True)]
     return points if len(points) > 1 else points * 2
