@@ -219,7 +219,7 @@ def as_builtins(run: DrivenRun, arm: Mechanism) -> dict[str, Any]:
 
 
 def _report(run: DrivenRun, arm: Mechanism, out: Path) -> Iterator[RenderableType]:
-    from adaptctl.dynamics.joint_units import error_unit
+    from adaptctl.dynamics.joint_units import error_unit, position_units
 
     if run.stopped:
         yield words((f"STOPPED: {run.stopped}", "bold red"))
@@ -228,8 +228,9 @@ def _report(run: DrivenRun, arm: Mechanism, out: Path) -> Iterator[RenderableTyp
     names = [joint.name for joint in arm.primary_joints]
     if run.payload is not None:
         yield words(_carried(run.payload))
-    unit, rows = error_unit(arm), zip(names, (f"{1e3 * error:.3g}" for error in run.final_rms_error), strict=False)
-    yield titled("RMS error of the last two seconds", WrappedTable(("joint", unit), list(rows)))
+    unit, errors = error_unit(arm), zip(names, run.final_rms_error, position_units(arm), strict=False)
+    rows = [[name, f"{1e3 * error:.3g} m{of}"] for name, error, of in errors]
+    yield titled("RMS error of the last two seconds", WrappedTable(("joint", "error"), rows))
     yield words(
         f"first error {_thousandths(run.first_error)} {unit}; greatest torque rate {run.peak_torque_rate:.4g} N m/s; "
         f"greatest speed {run.peak_speed_share:.0%} of a limit; {run.times.off} periods off, at most "
@@ -254,12 +255,13 @@ def _carried(payload: IdentifiedPayload) -> str:
 
     mass, centre, inertia = told(payload).tolist()
     if not mass:
-        return "what the arm carries is left open by this motion"
+        return "this motion does not determine what the arm carries"
     if abs(payload.mass) < 2.0 * payload.deviations[0]:
-        return f"carries no more than it was told of, within {2.0 * payload.deviations[0]:.1g} kg"
+        return f"carries no unknown load, within {2.0 * payload.deviations[0]:.1g} kg"
     open_ones = [name for name, is_told in (("centre", centre), ("inertia", inertia)) if not is_told]
-    left = f"; left open by this motion: {', '.join(open_ones)}" if open_ones else ""
+    left = f"; not determined by this motion: {', '.join(open_ones)}" if open_ones else ""
     off = payload.deviations
     at = ", ".join(f"{x:.3g}" for x in payload.center_of_mass)
     where = f", centre ({at}) m (deviation {off[1:4].max():.1g}) in the frame of {payload.link}" if centre else ""
-    return f"carries {payload.mass:.3g} kg (deviation {off[0]:.1g}) more than it was told of{where}{left}"
+    than = "more" if payload.mass > 0.0 else "less"
+    return f"carries {abs(payload.mass):.3g} kg (deviation {off[0]:.1g}) {than} than described{where}{left}"
