@@ -34,7 +34,7 @@ class Spread:
 class Effort:
     """Number of turns of each statement, and the seconds of each at least."""
 
-    rounds: int = 21
+    rounds: int = 15
     seconds: float = 0.02
 
 

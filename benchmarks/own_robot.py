@@ -19,7 +19,7 @@ from benchmarks.findings import Finding, Measurement
 from benchmarks.interleaved import Effort, Spread
 
 ADDITIONS = 20_000_000
-RUNS = 3
+RUNS = 2
 LOOP = "over 20 million additions in Python"
 
 
