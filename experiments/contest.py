@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from adaptctl.recording.drawing import Drawing
 
 ADAPTIVE, FULL = "adaptive", "adaptive-full"
-OFFLINE = "Base parameters from energies"
+SETTING_UP, OFFLINE = "Robot, reference and gains", "Base parameters from energies"
 TIMED_TICKS = 1000
 """control steps that are timed"""
 MAX_SAMPLES, THINNED_SAMPLES = 600_000, 30_000
@@ -165,9 +165,11 @@ class Learning(ClosedLoopExperiment):
 
     def compare(self, progress: Progress) -> Comparison:
         """Comparison of all controllers, as data; otherwise as `run`."""
-        progress(OFFLINE, 0.0)
+        progress(SETTING_UP, 0.0)
         mechanism = self.mechanism()
         env = self.environment(mechanism)
+        progress(SETTING_UP, 1.0)
+        progress(OFFLINE, 0.0)
         space = essential_space(mechanism, seed=self.seed)
         basis = fundamental_basis(space)
         progress(OFFLINE, 1.0)
