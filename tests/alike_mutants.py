@@ -50,6 +50,8 @@ ALIKE = {
         "arrays of any size have the same numbers, written past the cache or not"
     ),
     "adaptctl/compilation/batch.py::batch 8 -> 9": "as above: a ninth less or more of a size",
+    "adaptctl/recording/compared_folders.py::_common_unit 0 -> 1": "of two units or more that are all the same",
+    "adaptctl/recording/contact_force.py::_columns -1 -> +1": "of two axes the last is the second",
     "adaptctl/files.py::replacing True -> False": "that a file is missing is among the errors that are passed over",
     "adaptctl/sweeps/search.py::search 1e+300 -> 2e+300": "errors are below both, and runs that failed above them",
 }

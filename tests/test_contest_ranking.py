@@ -201,6 +201,7 @@ def test_figures_show_the_numbers_of_the_table_within_their_axes() -> None:
     stems = sorted(np.asarray(stem)[:, 0].tolist() for stem in ranks.collections[0].get_segments())
     assert stems == sorted([0.0, x] for x in dots.get_xdata())
     assert np.ptp(bar.get_xdata()) == pytest.approx(ranking.critical_difference)
+    assert max(bar.get_ydata()) < min(dots.get_ydata())
     for axes, x, y in ((ranks, [0.0, *bar.get_xdata()], [-1.0, 3.0]), (cells, [-0.5, 1.5], [-0.5, 3.5])):
         assert min(axes.get_xlim()) <= min(x) < max(x) <= max(axes.get_xlim())
         assert min(axes.get_ylim()) <= min(y) < max(y) <= max(axes.get_ylim())
@@ -225,7 +226,9 @@ def test_figures_grow_with_laws_and_conditions() -> None:
         rows = [{**row, "condition": list(CONDITIONS)[k], "curve": [1.0]}
                 for k in range(conditions) for row in rows_of({f"law{n}": [1.0 + n] for n in range(laws)})]  # fmt: skip
         ranking = Ranking(rows)
-        return [one.draw().get_figheight() for one in drawings(ranking, ranking.table(), 1.0)]
+        figures = [one.draw() for one in drawings(ranking, ranking.table(), 1.0)]
+        assert sum(axes.get_visible() for axes in figures[-1].axes) == conditions
+        return [figure.get_figheight() for figure in figures]
 
     few, many = heights(2, 1), heights(7, 5)
     assert all(0.5 < low < high < 8.0 for low, high in zip(few, many, strict=True))  # inches

@@ -37,6 +37,8 @@ def test_tracking_errors_are_of_a_quarter_of_a_second_in_thousandths(shown: Comp
 
 def test_errors_of_joints_are_drawn_whole_and_in_their_last_two_seconds(shown: Comparison) -> None:
     run = shown.subject.rollout
+    whole, end = drawings(shown)["joint-errors"].draw().axes[:2]
+    assert (whole.get_xlim(), end.get_xlim()) == ((0.0, run.duration), (run.duration - 2.0, run.duration))
     for panel, first in ((0, 0), (1, round((run.duration - 2.0) / PERIOD))):
         for j, (time, height) in enumerate(curves(shown, "joint-errors", panel)):
             np.testing.assert_allclose(time, run.time[first:])

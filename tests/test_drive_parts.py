@@ -15,6 +15,7 @@ from adaptctl.hardware.lead_in import beyond_limits, led_in
 from adaptctl.hardware.resting import MARGIN, StoppingDistance
 from adaptctl.hardware.stop import PlannedStop
 from adaptctl.hardware.timing import BINS, LoopTimes
+from adaptctl.hardware.touch_reaction import yielding
 
 PERIOD = 4e-3
 CENTER = np.array([0.3, 0.5])
@@ -67,6 +68,15 @@ def test_brakes_use_half_of_the_torque_that_gravity_leaves() -> None:
     needed = np.abs(ARM.mass_matrix(p)) @ STOPPING.deceleration
     left = LIMITS.torque - np.abs(GravityTorque(ARM)._mechanism.inverse_dynamics(p, 0.0 * p, 0.0 * p))
     assert (needed / left).max() == pytest.approx(0.5, rel=0.1)
+
+
+def test_an_arm_that_yields_keeps_a_fifth_of_its_damping_and_no_spring() -> None:
+    """A law brakes by the difference of velocities, and pulls by that of positions."""
+    v = np.array([0.5, 0.0])
+    point = yielding(CENTER, v)
+    np.testing.assert_allclose(v - point.v, 0.2 * v)
+    np.testing.assert_array_equal(point.p, CENTER)
+    np.testing.assert_array_equal(point.a, np.zeros(2))
 
 
 def test_a_planned_stop_ends_when_its_path_rests() -> None:
