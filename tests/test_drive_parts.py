@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import socket
+import struct
 from typing import Any
 
 import numpy as np
@@ -16,6 +18,7 @@ from adaptctl.hardware.resting import MARGIN, StoppingDistance
 from adaptctl.hardware.stop import PlannedStop
 from adaptctl.hardware.timing import BINS, LoopTimes
 from adaptctl.hardware.touch_reaction import yielding
+from adaptctl.hardware.udp_plant import received
 
 PERIOD = 4e-3
 CENTER = np.array([0.3, 0.5])
@@ -171,3 +174,15 @@ def test_a_measured_torque_may_differ_by_a_fifth_of_the_limit(share: float, fits
     else:
         with pytest.raises(adaptctl.InputError, match="of the limit apart"):
             driven(change, brakes=False)
+
+
+def test_a_plant_on_the_network_takes_the_answer_to_its_own_datagram() -> None:
+    """Of a controller that answers late, cuts a datagram off, and then answers."""
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    with ours, theirs:
+        for count in (6.0, 7.0):
+            theirs.send(struct.pack("<4d", count, 10.0 * count, 1.0, 2.0))
+            theirs.send(struct.pack("<3d", 7.0, 0.0, 0.0))
+        torque, status = received(ours, 7, 2, 1.0) or (None, None)
+        assert (np.asarray(torque).tolist(), status) == ([70.0, 1.0], 2)
+        assert received(ours, 8, 2, 0.01) is None
