@@ -35,6 +35,12 @@ def test_tracking_errors_are_of_a_quarter_of_a_second_in_thousandths(shown: Comp
         assert height[-1] == pytest.approx(1e3 * np.sqrt(np.mean(last**2)), rel=1e-4)
 
 
+def test_figures_over_time_say_so(shown: Comparison) -> None:
+    for name in ("tracking-error", "joint-errors", "torque", "lyapunov"):
+        figure = drawings(shown)[name].draw()
+        assert "time [s]" in {figure.get_supxlabel(), *(axes.get_xlabel() for axes in figure.axes)}, name
+
+
 def test_errors_of_joints_are_drawn_whole_and_in_their_last_two_seconds(shown: Comparison) -> None:
     run = shown.subject.rollout
     whole, end = drawings(shown)["joint-errors"].draw().axes[:2]

@@ -4,16 +4,31 @@ from __future__ import annotations
 
 import socket
 import struct
+import sys
+import time
+from types import SimpleNamespace
 from typing import Any
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
 from driven_robots import ARM
 
 import adaptctl
-from adaptctl.hardware import GravityTorque, HardwareLimits, MuJoCoRobot, RobotReading, motion_about
+from adaptctl.control.gains.gain_design import largest_with_delay
+from adaptctl.description.inertia import from_center_of_mass
+from adaptctl.hardware import (
+    FrankaRobot,
+    GravityTorque,
+    HardwareLimits,
+    MuJoCoRobot,
+    RobotReading,
+    TrossenRobot,
+    motion_about,
+)
 from adaptctl.hardware.acceleration import PossibleAcceleration
 from adaptctl.hardware.lead_in import beyond_limits, led_in
+from adaptctl.hardware.preparation import DEFAULT_SAMPLING_RATIO, hold_at
 from adaptctl.hardware.resting import MARGIN, StoppingDistance
 from adaptctl.hardware.stop import PlannedStop
 from adaptctl.hardware.timing import BINS, LoopTimes
@@ -155,9 +170,13 @@ def driven(change: Any, brakes: bool = True) -> adaptctl.DrivenRun:
     return adaptctl.drive(robot, LAW, SWING, 0.1)
 
 
-def test_an_arm_that_creeps_is_not_at_rest() -> None:
-    with pytest.raises(adaptctl.InputError, match="shoulder moves"):
-        driven(lambda k, reading: reading._replace(p=reading.p + np.array([1e-3 * k, 0.0])))
+def test_an_arm_that_creeps_or_sets_off_at_the_fifth_reading_is_not_at_rest() -> None:
+    for change in (
+        lambda k, reading: reading._replace(p=reading.p + np.array([1e-3 * k, 0.0])),
+        lambda k, reading: reading._replace(v=np.array([0.1 * (k >= 5), 0.0])),
+    ):
+        with pytest.raises(adaptctl.InputError, match="shoulder moves"):
+            driven(change)
 
 
 def test_old_readings_that_waited_are_passed_over() -> None:
@@ -186,3 +205,62 @@ def test_a_plant_on_the_network_takes_the_answer_to_its_own_datagram() -> None:
         torque, status = received(ours, 7, 2, 1.0) or (None, None)
         assert (np.asarray(torque).tolist(), status) == ([70.0, 1.0], 2)
         assert received(ours, 8, 2, 0.01) is None
+
+
+def test_gains_fall_with_the_largest_that_a_delay_allows() -> None:
+    assert hold_at(0) == hold_at(1) == DEFAULT_SAMPLING_RATIO
+    for delay in (2, 3, 8):
+        assert hold_at(delay) / hold_at(1) == pytest.approx(largest_with_delay(delay) / largest_with_delay(1))
+
+
+def test_a_hand_is_of_the_last_link_where_the_flange_is() -> None:
+    """Franka tells of the hand in the flange's frame, 107 mm beyond that of link 7."""
+    robot: Any = object.__new__(FrankaRobot)
+    inertia = np.diag([0.01, 0.02, 0.025])
+    state = SimpleNamespace(m_total=0.7, F_x_Ctotal=[0.01, 0.0, 0.03], I_total=inertia.ravel().tolist())
+    robot._robot = SimpleNamespace(read_once=lambda: state)
+    mass, *moment = robot.tool[:4]
+    assert (mass, moment) == (0.7, pytest.approx([0.7 * 0.01, 0.0, 0.7 * 0.137]))
+    np.testing.assert_allclose(robot.tool, from_center_of_mass(0.7, [0.01, 0.0, 0.137], inertia))
+
+
+@pytest.fixture
+def trossen(monkeypatch: pytest.MonkeyPatch) -> MagicMock:
+    """The names of trossen_arm, of an arm of two joints and a gripper."""
+    client = MagicMock()
+    limit = {"effort_max": 27.0, "velocity_max": 3.0, "position_min": -1.0, "position_max": 2.0}
+    client.TrossenArmDriver.return_value.get_joint_limits.return_value = [SimpleNamespace(**limit)] * 3
+    arm = SimpleNamespace(positions=[0.1, 0.2], velocities=[0.3, 0.4], compensation_efforts=[0.0, 0.005])
+    output = SimpleNamespace(header=SimpleNamespace(timestamp=2_500_000), joint=SimpleNamespace(arm=arm))
+    client.TrossenArmDriver.return_value.get_robot_output.return_value = output
+    client.VectorDouble = list
+    monkeypatch.setitem(sys.modules, "trossen_arm", client)
+    return client
+
+
+def test_a_trossen_arm_is_read_every_period_in_seconds_without_its_gripper(trossen: MagicMock) -> None:
+    robot = TrossenRobot("192.168.1.2", 0.01, torque_rate=300.0)
+    driver = trossen.TrossenArmDriver.return_value
+    assert (robot.limits.dof, robot.limits.torque[1], robot.limits.velocity[0]) == (2, 27.0, 3.0)
+    assert (robot.limits.lower[0], robot.limits.upper[0], robot.limits.torque_rate[0]) == (-1.0, 2.0, 300.0)
+    started = time.monotonic()
+    readings = [robot.read() for _ in range(4)]
+    assert 0.03 <= time.monotonic() - started < 0.5
+    assert readings[0].time == 2.5
+    assert (readings[0].p.tolist(), readings[0].v.tolist()) == ([0.1, 0.2], [0.3, 0.4])
+    robot.start(np.array([1.0, -2.0]))
+    driver.set_arm_modes.assert_called_once_with(trossen.Mode.external_effort)
+    driver.set_arm_external_efforts.assert_called_once_with([1.0, -2.0], 0.0, False)
+    robot.release()
+    assert driver.set_arm_modes.call_args.args == (trossen.Mode.position,)
+    driver.set_arm_positions.assert_called_once_with([0.1, 0.2], 0.0, False)
+
+
+def test_what_a_trossen_arm_adds_counts_once_it_has_told_of_any(trossen: MagicMock) -> None:
+    robot = TrossenRobot("192.168.1.2")
+    reading, arm = robot.read(), trossen.TrossenArmDriver.return_value.get_robot_output.return_value.joint.arm
+    assert robot.compensation(reading) is None  # of nothing but noise
+    arm.compensation_efforts = [0.0, 3.0]
+    assert np.asarray(robot.compensation(reading)).tolist() == [0.0, 3.0]
+    arm.compensation_efforts = [0.0, 0.0]
+    assert np.asarray(robot.compensation(reading)).tolist() == [0.0, 0.0]

@@ -240,6 +240,7 @@ def test_a_payload_is_picked_up_and_dropped(puma: Mechanism) -> None:
     """Before, while and after, the motion is that of an arm with the parameters of that time."""
     payload = Payload(2.0, np.array([0.0, 0.0, 0.1]))
     taken = PayloadHeld(payload, 0.02, 0.06)
+    np.testing.assert_array_equal(Payload(0.0).added_to(puma.inertial_parameters, 5), puma.inertial_parameters)
     assert [taken.next_change_time(t) for t in (0.0, 0.02, 0.06)] == [0.02, 0.06, math.inf]
     env = TrackingEnv(puma, 1, duration=0.1, effects=[taken])
     observation, info = env.reset(seed=0)

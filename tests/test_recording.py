@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio
@@ -14,6 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import rerun as rr
+import rerun.blueprint as rrb
 from comparisons import PERIOD, comparison, rollout
 from random_trees import random_chain
 from rerun.chunk import RrdReader
@@ -25,9 +28,9 @@ from adaptctl.description.drive import Drive
 from adaptctl.description.pose import NamedFrame
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.recursion.kinematics import joint_axes, link_poses
-from adaptctl.errors import InputError
+from adaptctl.errors import FileError, InputError
 from adaptctl.identifiability import essential_space
-from adaptctl.recording import Comparison, write_artifacts
+from adaptctl.recording import Comparison, stream, views, write_artifacts
 from adaptctl.recording import shown as result_of
 from adaptctl.recording.judgement import facts, final_error, outcome_words
 from adaptctl.recording.report import report
@@ -57,8 +60,8 @@ def folder(shown: Comparison, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def series(path: Path, entity: str) -> tuple[Array, Array]:
     """Times (T,) and curves (T, n) of an entity of a recording."""
     times, values = [], []
-    stream = RrdReader(path).store().stream()
-    for chunk in stream.filter(content=entity, components="Scalars:scalars", is_static=False):
+    chunks = RrdReader(path).store().stream()
+    for chunk in chunks.filter(content=entity, components="Scalars:scalars", is_static=False):
         batch = chunk.to_record_batch()
         times.append(batch["sim_time"].cast(pa.int64()).to_numpy() * 1e-9)
         values.append(batch["Scalars:scalars"].flatten().to_numpy().reshape(batch.num_rows, -1))
@@ -122,8 +125,8 @@ def test_recording_moves_every_link_where_kinematics_put_it(
 ) -> None:
     model, p = shown.mechanism.to_pinocchio(), of(shown)
     data = model.createData()
-    stream = RrdReader(folder / "recording.rrd").store().stream()
-    for chunk in stream.filter(content=f"/world/{who}/link4", is_static=False):
+    chunks = RrdReader(folder / "recording.rrd").store().stream()
+    for chunk in chunks.filter(content=f"/world/{who}/link4", is_static=False):
         batch = chunk.to_record_batch()
         ticks = np.round(batch["sim_time"].cast(pa.int64()).to_numpy() * 1e-9 / PERIOD).astype(int)
         places = batch["Transform3D:translation"].flatten().flatten().to_numpy().reshape(-1, 3)
@@ -155,8 +158,8 @@ def test_recording_shows_the_arm_its_ghosts_and_the_offline_stage(folder: Path) 
 
 def test_spectrum_stands_above_and_below_the_threshold(folder: Path) -> None:
     heights = {}
-    stream = RrdReader(folder / "recording.rrd").store().stream()
-    for chunk in stream.filter(content="/basis/spectrum/**", is_static=True):
+    chunks = RrdReader(folder / "recording.rrd").store().stream()
+    for chunk in chunks.filter(content="/basis/spectrum/**", is_static=True):
         values = chunk.to_record_batch()["BarChart:values"].to_pylist()[0]
         buffer = np.asarray(values[0]["buffer"], dtype=float)
         heights[str(chunk.entity_path).rpartition("/")[2]] = buffer
@@ -234,8 +237,8 @@ def test_arms_stand_on_a_pedestal(robot: str, tmp_path: Path) -> None:
 
 
 def test_every_true_value_is_named_after_its_parameter(folder: Path) -> None:
-    stream = RrdReader(folder / "recording.rrd").store().stream()
-    for chunk in stream.filter(content="/estimate/link2/truth", is_static=True):
+    chunks = RrdReader(folder / "recording.rrd").store().stream()
+    for chunk in chunks.filter(content="/estimate/link2/truth", is_static=True):
         names = chunk.to_record_batch()["SeriesLines:names"].to_pylist()[0]
         assert all(name.endswith(", true") for name in names)
         assert len(set(names)) == len(names) > 1
@@ -355,6 +358,29 @@ def test_no_file_is_left_half_written(tmp_path: Path, shown: Comparison) -> None
         write_recording(tmp_path / "recording.rrd", broken)
     assert [path.name for path in tmp_path.iterdir()] == ["recording.rrd"]
     assert (tmp_path / "recording.rrd").read_text() == "the old one"
+
+
+def _cut_off(path: Path) -> None:
+    raise RuntimeError(f"{path} is cut off")
+
+
+def _odd(path: Path) -> SimpleNamespace:
+    warnings.warn(f"{path} is odd", UserWarning, stacklevel=1)
+    return SimpleNamespace(store=lambda: SimpleNamespace(schema=lambda: None))
+
+
+@pytest.mark.parametrize("reader", [_cut_off, _odd])
+def test_a_recording_that_cannot_be_read_back_is_not_kept(
+    reader: Callable[[Path], object], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shown: Comparison
+) -> None:
+    monkeypatch.setattr(stream, "RrdReader", reader)
+    layout = views.tabs(rrb.Vertical(views.text("summary", "Summary")))
+    with (
+        pytest.raises(FileError, match="cannot be read back"),
+        stream.saved_stream(tmp_path / "a.rrd", shown, b"", layout) as recording,
+    ):
+        stream.log_markdown(recording, "summary", "text")
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("robot", ["puma560_measured", "ur5_robot.urdf"])

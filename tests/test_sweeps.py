@@ -283,7 +283,10 @@ class TestReports:
 def test_a_search_finds_what_a_grid_has_as_best() -> None:
     chosen = SweepStudy.named("puma560-adaptive", {**SHORT, "initial_error": "-0.2..0.2"}, controllers=("adaptive",),
                          sampling="sobol", samples=16)  # fmt: skip
-    found = search(chosen, "rms_error", 24)
+    told: list[float] = []
+    found = search(chosen, "rms_error", 24, told.append)
+    assert told == [pytest.approx(16 / 24), 1.0]
+    assert found.trials == 24
     assert abs(found.settings["initial_error"]) < 0.05
     with pytest.raises(InputError, match="minimise: expected one of rms_error"):
         search(chosen, "rms_eror", 4)
