@@ -302,6 +302,7 @@ def contest(
                 own, mechanism, one.controller, record_every=every, seed=seed, options=dict(options), progress=told
             )
             if len(result.time):
+                result = _sharing(runs[0].rollout, result) if runs else result
                 runs.append(ControllerRun(one.name, one.label, one.prior_knowledge, result, law=law_of(one.controller)))
             if result.interrupted:
                 break
@@ -317,6 +318,13 @@ def contest(
     if not runs:
         raise KeyboardInterrupt
     return Outcome(mechanism, tuple(runs), complete)
+
+
+def _sharing(first: Rollout, run: Rollout) -> Rollout:
+    """A run that has the first one's reference where it is the same, so that it is in memory once."""
+    names = ("time", "reference_p", "reference_v", "reference_a")
+    same = {name: getattr(first, name) for name in names}
+    return replace(run, **{name: x for name, x in same.items() if np.array_equal(x, getattr(run, name))})
 
 
 def thinning(samples: int) -> int:

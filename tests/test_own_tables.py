@@ -70,6 +70,18 @@ def test_own_tables_with_other_numbers_are_refused_with_the_line_that_accepts_th
     assert read_log(file).column("time", "time")[7] == 0.0701
 
 
+@pytest.mark.parametrize("rows", [7, 50])
+def test_a_table_written_in_parts_has_the_checksum_of_the_whole(
+    rows: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = pq.read_metadata(trace(tmp_path / "whole.parquet")).metadata
+    monkeypatch.setattr("adaptctl.recording.trace.ROWS_AT_ONCE", rows)
+    file = trace(tmp_path / "parts.parquet")
+    assert pq.read_metadata(file).metadata[b"sha256"] == whole[b"sha256"]
+    assert pq.read_metadata(file).num_row_groups == -(-50 // rows)
+    assert len(read_log(file).column("time", "time")) == 50
+
+
 def test_a_text_or_an_entry_that_was_changed_is_noticed(tmp_path: Path) -> None:
     file = trace(tmp_path / "run.parquet")
     table, metadata = pq.read_table(file), pq.ParquetFile(file).metadata.metadata

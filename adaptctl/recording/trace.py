@@ -15,12 +15,14 @@ from adaptctl.files import replacing
 from adaptctl.recording.comparison import Comparison
 from adaptctl.recording.controller_run import ControllerRun
 from adaptctl.recording.wording import parameter_unit
-from adaptctl.simulation.rollout_file import CHECKSUM, checksum_of
+from adaptctl.simulation.rollout_file import CHECKSUM, Checksum
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 SCHEMA = "adaptctl/trace/2"
+# Rows that are in memory a second time while they are written.
+ROWS_AT_ONCE = 4096
 # Units and meanings of the flags of plants and guards.
 FLAGS = {
     "payload": ("kg", "payload mass"),
@@ -65,18 +67,17 @@ def write_columns(path: str | Path, columns: Sequence[Quantity], about: dict[str
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    table = _table(columns, about)
-    table = table.replace_schema_metadata(about | {CHECKSUM: checksum_of(table, about)})
-    with replacing(path) as beside:
-        pq.write_table(
-            table,
-            beside,
-            compression="zstd",
-            use_dictionary=False,
-            use_byte_stream_split=[field.name for field in table.schema if field.type == pa.float64()],
-        )
-    del table
-    pa.default_memory_pool().release_unused()  # which a recording takes beside it: 17 MB of the demo's peak
+    checksum, schema = Checksum(), _schema(columns, about)
+    for table in _tables(columns, schema):
+        checksum.add(table)
+    entries = {name: value for name, value in about.items() if name != "schema"}
+    schema = schema.with_metadata(about | {CHECKSUM: checksum.of(entries)})
+    numbers = [field.name for field in schema if field.type == pa.float64()]
+    style = {"compression": "zstd", "use_dictionary": False, "use_byte_stream_split": numbers}
+    with replacing(path) as beside, pq.ParquetWriter(beside, schema, **style) as writer:
+        for table in _tables(columns, schema):
+            writer.write_table(table)
+    pa.default_memory_pool().release_unused()  # which a recording takes beside it
 
 
 def quantities(run: ControllerRun, mechanism: Mechanism, parameters: tuple[str, ...]) -> Iterator[Quantity]:
@@ -114,7 +115,16 @@ def _of_joints(run: ControllerRun, mechanism: Mechanism) -> Iterator[Quantity]:
             yield Quantity(f"{name}.{joint.name}", unit, meaning, column)
 
 
-def _table(columns: Sequence[Quantity], about: dict[str, str]) -> pa.Table:
+def _tables(columns: Sequence[Quantity], schema: pa.Schema) -> Iterator[pa.Table]:
+    """Columns in parts of some rows."""
+    import pyarrow as pa
+
+    for first in range(0, max(len(columns[0].values), 1), ROWS_AT_ONCE):
+        parts = (c.values[first : first + ROWS_AT_ONCE] for c in columns)
+        yield pa.Table.from_arrays(list(map(pa.array, parts, schema.types)), schema=schema)
+
+
+def _schema(columns: Sequence[Quantity], about: dict[str, str]) -> pa.Schema:
     import pyarrow as pa
 
     kinds = [pa.string() if c.values.dtype.kind == "U" else pa.float64() for c in columns]
@@ -122,5 +132,4 @@ def _table(columns: Sequence[Quantity], about: dict[str, str]) -> pa.Table:
         pa.field(c.name, kind, nullable=False, metadata={"unit": c.unit, "meaning": c.meaning})
         for c, kind in zip(columns, kinds, strict=True)
     ]
-    arrays = [pa.array(c.values, kind) for c, kind in zip(columns, kinds, strict=True)]
-    return pa.Table.from_arrays(arrays, schema=pa.schema(fields, metadata=about))
+    return pa.schema(fields, metadata=about)

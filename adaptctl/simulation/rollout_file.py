@@ -100,9 +100,10 @@ class Checksum:
     def add(self, table: pyarrow.Table) -> None:
         """Add rows."""
         for name in table.column_names:
-            column, values = self._columns.setdefault(name, hashlib.sha256()), table[name].to_numpy()
+            before, values = "\n" if name in self._columns else "", table[name].to_numpy()
+            column = self._columns.setdefault(name, hashlib.sha256())
             if values.dtype.kind == "O":
-                column.update("\n".join(map(repr, values.tolist())).encode())
+                column.update((before + "\n".join(map(repr, values.tolist()))).encode())
             else:
                 column.update(np.ascontiguousarray(values, dtype="<f8"))
 
