@@ -1,5 +1,6 @@
 from adaptctl.hardware.drive import drive as drive
 from adaptctl.hardware.driven_run import DrivenRun as DrivenRun
+from adaptctl.hardware.force_sensor import ForceReading as ForceReading
 from adaptctl.hardware.franka_robot import FrankaRobot as FrankaRobot
 from adaptctl.hardware.gravity import GravityTorque as GravityTorque
 from adaptctl.hardware.mujoco_robot import MuJoCoRobot as MuJoCoRobot

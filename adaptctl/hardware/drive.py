@@ -27,6 +27,7 @@ from adaptctl.hardware.checks import (
 )
 from adaptctl.hardware.compensation import Compensation
 from adaptctl.hardware.driven_run import DrivenRun
+from adaptctl.hardware.force_sensor import ForceSensor, force_flags, sensor_of
 from adaptctl.hardware.gravity import GravityTorque
 from adaptctl.hardware.lead_in import led_in
 from adaptctl.hardware.loop import DriveLoop
@@ -41,6 +42,8 @@ from adaptctl.stages import stage
 
 MAX_ERROR = 0.3
 """rad (m)"""
+TOUCH_FORCE = 10.0
+"""N"""
 MASS_SAMPLES = 400
 """number of times at which the motion is asked whether it tells a payload's mass"""
 
@@ -58,6 +61,7 @@ def drive(
     mechanism: Mechanism | None = None,
     live: Live | None = None,
     on_touch: Reaction = "stop",
+    touch_force: float = TOUCH_FORCE,
 ) -> DrivenRun:
     """
     Drive a robot along a reference, from where it stands to a planned stop.
@@ -89,6 +93,8 @@ def drive(
         go back 1 s of it from what is still felt 0.3 s later, as it is clamped; yield until nothing was felt for 1 s,
         and stop there; or go back 1 s of the path at once; "ignore" follows the path, without learning. Stopping is the
         default, as what was not expected may be a person.
+    touch_force : float, default 10.0
+        Force in N, beyond that at rest, which is a touch, if the robot has a force sensor.
 
     Returns
     -------
@@ -99,7 +105,8 @@ def drive(
     ------
     InputError
         If the robot is another one than described, moves, stands outside its limits, would not be held by the
-        estimate, or the reference leaves the limits. No torque was sent then.
+        estimate, the reference leaves the limits, or a force sensor is silent, late or changes at rest. No torque was
+        sent then.
     GainError
         If the damping is too high for the delay that the robot states. No torque was sent then.
     SingularityError
@@ -128,6 +135,7 @@ def drive(
     validate_kind(controller, Controller, "controller", "as adaptive_controller(...) gives one")
     seconds = positive_number(duration, "duration: expected a positive time in s")
     greatest = positive_number(max_error, "max_error: expected a positive error in rad")
+    force = positive_number(touch_force, "touch_force: expected a positive force in N")
     validate_reference(reference)
     arm = mechanism_of(controller, mechanism)
     validate_periods(controller, robot.period)
@@ -139,6 +147,9 @@ def drive(
     gravity, names = GravityTorque(arm), [joint.name for joint in arm.primary_joints]
     measurements = Measurements(arm.primary_joints, limits, robot.period, np.asarray(reference(0.0).p))
     now = standing(robot, measurements, names, limits)
+    if (sensor := sensor_of(robot, force)) is not None:
+        sensor.rest()
+        now = standing(robot, measurements, names, limits)
     path = led_in(reference, now.p, seconds, arm, limits, stopping, lead_in)
     tool = getattr(robot, "tool", None)
     weight = gravity if tool is None or hasattr(robot, "compensation") else GravityTorque(arm, tool)
@@ -149,13 +160,13 @@ def drive(
         needed, most = _held(robot, now, compensation, gravity)
         validate_gravity(own, needed, most, names, limits)
     mass_row = _mass_row(guarded, path, seconds)
-    logger = _log(log, guarded, arm, robot.period, seconds, mass_row is not None)
+    logger = _log(log, guarded, arm, robot.period, seconds, mass_row is not None, sensor)
     with ExitStack() as held_open:
         if logger is not log:
             held_open.enter_context(logger)
         loop = DriveLoop(robot, guarded, path, seconds, arm, limits, stopping, measurements, gravity, compensation)
         loop.log, loop.live, loop.max_error, loop.on_touch = logger, live, greatest, on_touch
-        loop.mass_row = mass_row
+        loop.mass_row, loop.sensor = mass_row, sensor
         with stage(loop):
             loop.run(now, own, gravity(now.p) if from_zero else own)
         run = _result(loop, robot)
@@ -169,7 +180,8 @@ def _result(loop: DriveLoop, robot: TorqueRobot) -> DrivenRun:
     numbers = loop.first_error, loop.peak_rate, loop.peak_speed_share
     compensates, touches = bool(robot.compensates_gravity), tuple(loop.feeling.events)
     payload = learned_payload(loop.controller, loop.learned)
-    return DrivenRun(run, loop.times, loop.stopped, loop.by_robot, *numbers, compensates, touches, payload)
+    bias = None if loop.sensor is None else loop.sensor.bias
+    return DrivenRun(run, loop.times, loop.stopped, loop.by_robot, *numbers, compensates, touches, payload, bias)
 
 
 def _mass_row(controller: SafetyFilter, path: Reference, duration: float) -> Array | None:
@@ -196,7 +208,7 @@ def _filtered(controller: Controller[Any], period: float) -> SafetyFilter:
 
 def _log(
     log: RunLogger | str | Path | None, controller: SafetyFilter, arm: Mechanism, period: float, duration: float,
-    tells_mass: bool,
+    tells_mass: bool, sensor: ForceSensor | None,
 ) -> RunLogger:  # fmt: skip
     """Logger of a run, for a file unless one is given."""
     if isinstance(log, RunLogger):
@@ -208,8 +220,10 @@ def _log(
     first = _first_state(controller, arm)
     estimates = np.size(getattr(first, "estimate", ()))
     flags = ("learning", "stopping", *(f"compensation.{n}" for n in names), *(f"reported_torque.{n}" for n in names))
-    if touch_of(first) is not None:
-        flags = (*flags, "touched", *(f"external_torque.{n}" for n in names))
+    feels = touch_of(first) is not None
+    if feels or sensor is not None:
+        torques = (f"external_torque.{n}" for n in names) if feels else ()
+        flags = (*flags, "touched", *torques, *force_flags(sensor))
     if tells_mass:
         flags = (*flags, "payload_mass")
     capacity = min(int(duration / period) + 20_000, 2_000_000)

@@ -48,6 +48,9 @@ class DrivenRun:
     payload : IdentifiedPayload, optional
         Body that the arm carries beyond its initial estimate, as of `learned_payload`; `told` says which of its numbers
         the motion tells. A flag `payload_mass` has its mass in kg during the run, where the motion tells it.
+    force_bias : ndarray, optional
+        Force (3,) in N that a force sensor showed at rest, and which was subtracted; flags `measured_force_x` to
+        `measured_force_z` have the rest. None without a sensor.
 
     Examples
     --------
@@ -70,6 +73,7 @@ class DrivenRun:
     compensates_gravity: bool
     touches: tuple[TouchEvent, ...] = ()
     payload: IdentifiedPayload | None = None
+    force_bias: Array | None = None
 
     @property
     def final_rms_error(self) -> Array:

@@ -20,6 +20,7 @@ from adaptctl.errors import NonFiniteError
 from adaptctl.hardware.acceleration import PossibleAcceleration
 from adaptctl.hardware.checks import innermost
 from adaptctl.hardware.compensation import Compensation
+from adaptctl.hardware.force_sensor import ForceSensor, logged
 from adaptctl.hardware.gravity import GravityTorque
 from adaptctl.hardware.interruptions import ignore_interruptions, interruptions, tell_of_stop
 from adaptctl.hardware.measurements import Measurements
@@ -64,6 +65,7 @@ class DriveLoop:
     live: Live | None = None
     max_error: float = 0.3
     on_touch: Reaction = "ignore"
+    sensor: ForceSensor | None = None
     mass_row: Array | None = None  # (k,), of a payload's mass in kg by changes of the estimate
 
     def __init__(
@@ -125,6 +127,8 @@ class DriveLoop:
         if self.ended:
             return
         since = time.perf_counter()
+        if self.sensor is not None:
+            self.sensor.take(reading.time)
         if not self.blind:
             self.moving.take(reading, self.guard.torque)
         point = self._point(reading)
@@ -192,6 +196,8 @@ class DriveLoop:
             return "done"
         if self.interrupted:
             return "interrupted"
+        if self.sensor is not None and self.sensor.failed:
+            return self.sensor.failed
         if self.on_touch != "ignore" and self.stop is None and self.feeling.touched:
             return f"{TOUCHED} {self.feeling.events[-1]}"
         if self.stop is not None and self.stop.yields and self.feeling.over(self.time):
@@ -284,8 +290,9 @@ class DriveLoop:
         """Keep the next state, and an estimate that has proven good."""
         self.applied = applied
         if self.stop is None or self.stop.yields or self.stop.feels:
-            self.feeling.feel(after, self.time)
-        self.learning = sound and self.stop is None and self.time >= RAMP
+            self.feeling.feel(after, self.time, self.sensor)
+        pressed = self.sensor is not None and self.sensor.pressed > 0.0
+        self.learning = sound and self.stop is None and self.time >= RAMP and not pressed
         self.state = after if self.learning else self.held_state.without_learning(after, applied)
         if self.stop is not None:
             return
@@ -324,7 +331,9 @@ class DriveLoop:
         estimate, flags = self._estimate, np.empty(0)
         if self.log.flags:
             told = np.zeros_like(added) if reading.torque is None else reading.torque
-            felt = (float(self.feeling.touched), *self.feeling.torque) if touch_of(self.state) is not None else ()
+            feels, touched = touch_of(self.state) is not None, (float(self.feeling.touched),)
+            felt = (*(touched if feels or self.sensor else ()), *(self.feeling.torque if feels else ()))
+            felt = (*felt, *logged(self.sensor))
             mass = () if self.mass_row is None else (float(self.mass_row @ (estimate - self._first_estimate)),)
             flags = np.concatenate(((self.learning, self.stop is not None), added, told, felt, mass))
         self.log.append(self.time, reading.p, reading.v, point, total, applied, estimate, flags)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, checked, positive_period
 from adaptctl.dynamics import Mechanism
 from adaptctl.hardware.checks import validate_posture
+from adaptctl.hardware.force_sensor import ForceReading
 from adaptctl.hardware.gravity import GravityTorque
 from adaptctl.hardware.robot import HardwareLimits, RobotReading
 from adaptctl.optional_packages import needed
@@ -48,6 +49,8 @@ class MuJoCoRobot:
         know. True for what is simulated.
     real_time : bool, default False
         True to wait for the clock in every period.
+    force_sensor : bool, default False
+        True to measure the force of what the arm touches: it then has a method `force`.
 
     Raises
     ------
@@ -77,6 +80,7 @@ class MuJoCoRobot:
         torque_rate: ArrayLike = TORQUE_RATE,
         compensates_gravity: Mechanism | bool = False,
         real_time: bool = False,
+        force_sensor: bool = False,
     ) -> None:
         self.period = positive_period(control_period, "control_period")
         self.plant = MuJoCoPlant.of(robot, self.period, body, servos_off=True)
@@ -85,6 +89,8 @@ class MuJoCoRobot:
         own = compensates_gravity if isinstance(compensates_gravity, Mechanism) else arm
         self.compensates_gravity, self._real_time = bool(compensates_gravity), real_time
         self._gravity = GravityTorque(own)
+        if force_sensor:
+            self.force = self._measured_force
         home: Any = np.array([self.plant.model.qpos0[j] for j in self._places])  # type: ignore[union-attr]
         p = _within(home, self.limits) if start is None else checked(start, arm.dof, "start")
         validate_posture(p, self.joints, self.limits)
@@ -111,6 +117,10 @@ class MuJoCoRobot:
         if self._real_time:
             time.sleep(max(0.0, self._began + self._count * self.period - time.monotonic()))
         return RobotReading(self._count * self.period, self._state.p, self._state.v, self._torque)
+
+    def _measured_force(self) -> ForceReading:
+        """Force on the arm by contacts."""
+        return ForceReading(self._count * self.period, self.plant._scene.touch()[:3])
 
     def write(self, torque: Array) -> None:
         """

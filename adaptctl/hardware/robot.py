@@ -173,7 +173,8 @@ class TorqueRobot(Protocol):
     `read` waits for the next measurement, `write` sends torques (r,), and `stop` is the vendor's own stop, at once and
     without a plan. These may be there too: `start(torque)` begins torque control at a first torque, `release()` hands
     the arm back at rest, `compensation(reading)` is the robot's own gravity torque (r,) that it adds, `has_brakes` is
-    True if brakes hold it until `start`, `delay` the time in s until a torque acts, and `joints` the joints' names.
+    True if brakes hold it until `start`, `delay` the time in s until a torque acts, `joints` the joints' names, and
+    `force()` the `ForceReading` of a force sensor.
 
     Examples
     --------

@@ -15,6 +15,7 @@ from adaptctl.control.controller import Controller, Reference, ReferencePoint
 from adaptctl.control.minimum_jerk import quintic
 from adaptctl.errors import InputError
 from adaptctl.hardware.checks import innermost
+from adaptctl.hardware.force_sensor import ForceSensor
 
 Reaction: TypeAlias = Literal["ignore", "stop", "comply", "retract"]
 BACK = 1.0
@@ -23,6 +24,8 @@ CALM = 1.0
 """s without a touch after which a touch is over"""
 CLAMPED = 0.3
 """s of touch at rest after which what is touched is clamped"""
+SENSOR = "force sensor"
+"""name of what feels a measured force"""
 SOFT = 0.2
 """share of the controller's damping that a complying arm keeps"""
 
@@ -36,9 +39,11 @@ class TouchEvent(NamedTuple):
     time : float
         Time in s.
     joint : str
-        Joint whose external torque passed its level by most.
+        Joint whose external torque passed its level by most, or "force sensor".
     torque, level : float
-        External torque and its level in N m (N).
+        External torque and its level in N m (N), or measured force and what is a touch in N.
+    unit : str, default "N m"
+        Their unit.
 
     Examples
     --------
@@ -51,9 +56,10 @@ class TouchEvent(NamedTuple):
     joint: str
     torque: float
     level: float
+    unit: str = "N m"
 
     def __str__(self) -> str:
-        return f"{self.joint} felt {self.torque:.2g} N m, above its level of {self.level:.2g} N m"
+        return f"{self.joint} felt {self.torque:.2g} {self.unit}, above its level of {self.level:.2g} {self.unit}"
 
 
 class Feeling:
@@ -63,21 +69,30 @@ class Feeling:
         self.names, self.events, self._last, self._free = names, list[TouchEvent](), -np.inf, -np.inf
         self.torque, self.touched = np.zeros(len(names)), False
 
-    def feel(self, state: Any, time: float) -> None:
-        """Take up external torques of a state, and whether they are a touch."""
-        touch, watch = touch_of(state), getattr(getattr(innermost(state), "law_state", None), "watch", None)
-        if touch is None or watch is None:
-            return
-        self.torque, level = np.array(touch.torque), np.array(touch.level)
-        ready = watch.age[0] >= YOUTH and watch.announced[0] < 0.5
-        self.touched = bool(ready and (np.abs(self.torque) > level).any())
-        if not self.touched:
+    def feel(self, state: Any, time: float, sensor: ForceSensor | None = None) -> None:
+        """Take up external torques of a state and a measured force, and whether they are a touch."""
+        felt = self._by_torque(state)
+        if felt is None and sensor is not None and sensor.pressed:
+            felt = (SENSOR, sensor.pressed, sensor.level, "N")
+        self.touched = felt is not None
+        if felt is None:
             self._free = time
             return
         if time - self._last > CALM:
-            k = int(np.argmax(np.abs(self.torque) - level))
-            self.events.append(TouchEvent(time, self.names[k], float(self.torque[k]), float(level[k])))
+            self.events.append(TouchEvent(time, *felt))
         self._last = time
+
+    def _by_torque(self, state: Any) -> tuple[str, float, float, str] | None:
+        """Joint whose external torque passes its level by most, with both; None if none does."""
+        touch, watch = touch_of(state), getattr(getattr(innermost(state), "law_state", None), "watch", None)
+        if touch is None or watch is None:
+            return None
+        self.torque, level = np.array(touch.torque), np.array(touch.level)
+        ready = watch.age[0] >= YOUTH and watch.announced[0] < 0.5
+        if not ready or not (np.abs(self.torque) > level).any():
+            return None
+        k = int(np.argmax(np.abs(self.torque) - level))
+        return self.names[k], float(self.torque[k]), float(level[k]), "N m"
 
     def clamps(self, since: float, time: float) -> bool:
         """True if something was felt all the time since the arm came to rest, for long enough."""
