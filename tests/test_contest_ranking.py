@@ -265,6 +265,8 @@ def test_names_and_reasons_are_texts_in_the_page_and_the_table(tmp_path: Path) -
     ranking = Ranking(rows)
     write_page(tmp_path / "index.html", Contest.of(written(tmp_path)), ranking, table := ranking.table())
     text = (tmp_path / "index.html").read_text()
+    assert f"--out {tmp_path}</pre>" in text
+    assert "1 robot, " in text
     assert text.count("</script>") == 2
     data = json.loads(text.partition('id="data">')[2].partition("</script>")[0])
     assert data["runs"] == [[[[1.0, 2.0]]], [[["</script><b>&", 1.0]]]]

@@ -28,6 +28,7 @@ HEADS = (
 )
 TIME_HEADS = {"step": "step, µs", "compilation": "to compile, s", "making": "to make, tuning included, s"}
 CITATION = "Adaptctl: adaptive control of robot mechanisms on minimal inertial parameters (CITATION.cff)."
+SETS = "law", "robot", "condition", "seed"
 GOOD, BAD, LOST = Color(96, 165, 230), Color(240, 150, 80), Color(214, 196, 214)
 """Colors of a hundredth and a hundredfold error, and of failures."""
 DECADES = 2.0
@@ -61,7 +62,8 @@ def write_page(
     with needed("the page of a contest"):
         import jinja2
     template = jinja2.Environment(autoescape=True).from_string(Path(__file__).with_suffix(".html").read_text())
-    write_text(path, template.render(content(contest, ranking, table, times), data=_data(contest, ranking)))
+    told = content(contest, ranking, table, times)
+    write_text(path, template.render(told, data=_data(contest, ranking), folder=shlex.quote(str(path.parent))))
 
 
 def content(contest: Contest, ranking: Ranking, table: list[dict[str, Any]], times: Times) -> dict[str, Any]:
@@ -72,7 +74,7 @@ def content(contest: Contest, ranking: Ranking, table: list[dict[str, Any]], tim
     return {
         "title": f"Contest of {len(ranking.laws)} laws",
         "purpose": asked.purpose,
-        "told": ", ".join(f"{len(getattr(ranking, name))} {name}" for name in ("laws", "robots", "conditions", "seeds"))
+        "told": ", ".join(_counted(name, len(getattr(ranking, f"{name}s"))) for name in SETS)
         + f"; {asked.duration:g} s each, plant: {asked.plant}.",
         "difference": f"Differences below {short(ranking.critical_difference)} are not significant (Nemenyi, 5 %)."
         + (f" Between two halves of the seeds: {halves}." if (halves := ranking.halves()) else ""),
@@ -85,11 +87,15 @@ def content(contest: Contest, ranking: Ranking, table: list[dict[str, Any]], tim
         "conditions": [{"name": name, "meaning": CONDITIONS[name].meaning} for name in conditions],
         "cells": [{"name": law, "cells": [_mapped(own[law, x], over) for x in conditions]} for law in ranking.laws],
         "robots": ", ".join(ranking.robots),
-        "command": f"adaptctl contest {shlex.quote(str(contest.source))} --out results/contest",
+        "command": _command(contest),
         "version": __version__,
         "hash": contest.scoring_hash,
         "citation": CITATION,
     }
+
+
+def _counted(name: str, count: int) -> str:
+    return f"{count} {name}" if count == 1 else f"{count} {name}s"
 
 
 def _cells(row: dict[str, Any]) -> list[PageCell]:
@@ -137,6 +143,11 @@ def tint(value: float, is_ratio: bool) -> Color:
     return PAPER.faded(0.08 + 0.92 * share, GOOD if value < 1.0 else BAD)
 
 
+def _command(contest: Contest) -> str:
+    """Command of a contest, but for its folder."""
+    return f"adaptctl contest {shlex.quote(str(contest.source))}"
+
+
 def _data(contest: Contest, ranking: Ranking) -> Any:
     """Runs behind the cells as JSON, which no text in it can end."""
     from markupsafe import Markup
@@ -148,7 +159,7 @@ def _data(contest: Contest, ranking: Ranking) -> Any:
         "curves": curves,
         "others": [ranking.laws.index(name) for name in (TRUE_MODEL, PD_GRAVITY) if name in ranking.laws],
         "duration": contest.asked.duration,
-        "command": f"adaptctl contest {shlex.quote(str(contest.source))}",
+        "command": _command(contest),
     }
     return Markup(json.dumps(told, separators=(",", ":")).replace("<", "\\u003c"))  # escaped here
 
