@@ -21,7 +21,7 @@ from adaptctl.errors import InputError
 from adaptctl.experiments.adaptive import AdaptiveTracking
 from adaptctl.experiments.laws import friction_curves
 from adaptctl.identification.preparation import prepare
-from adaptctl.recording.judgement import final_error, first_error
+from adaptctl.recording.judgement import final_error, first_error, outcome_words
 from adaptctl.recording.result import silent
 from adaptctl.recording.wording import coupling_unit
 from adaptctl.tuning import tune
@@ -84,6 +84,9 @@ def test_errors_of_each_unit_are_those_of_its_own_joints(cart: Path) -> None:
     shown = replace(shown, runs=(run,))
     assert shown.joints_by_unit == {"rad": [1], "m": [0]}
     assert first_error(shown, run) == final_error(shown, run) == "12 mrad and 3 mm"
+    worse = replace(rollout, p=rollout.reference_p + np.array([0.3, 0.024]))
+    off = replace(comparison(load(cart)).runs[1], rollout=worse)
+    assert "remains at 24 mrad and 300 mm (2 and 100 times larger)." in outcome_words(replace(shown, runs=(run, off)))
 
 
 def test_coupling_is_in_the_unit_of_its_joints(cart: Path) -> None:

@@ -142,10 +142,16 @@ def _without_adaptation(comparison: Comparison, final: float) -> Iterator[str]:
         return
     if baseline.rollout.terminated:
         yield f"Without adaptation, the same controller was {outcome(baseline)}."
-    elif (off := baseline.final_rms_error) is not None and final:
-        comparable = len(comparison.joints_by_unit) == 1 and math.isfinite(off) and math.isfinite(final)
-        times = f" ({number(off / final, 2)} times larger)" if comparable and off > final else ""
-        yield f"Without adaptation, it remains at {final_error(comparison, baseline)}{times}."
+    elif baseline.final_rms_error is not None and final:
+        times = [_times_larger(comparison, joints) for joints in comparison.joints_by_unit.values()]
+        larger = f" ({' and '.join(number(x, 2) for x in times)} times larger)" if min(times) > 1.0 else ""
+        yield f"Without adaptation, it remains at {final_error(comparison, baseline)}{larger}."
+
+
+def _times_larger(comparison: Comparison, joints: list[int]) -> float:
+    """Final error without adaptation over that of the subject; 0 where either is not finite."""
+    final, off = (run.final_rms_error_of(joints) for run in (comparison.subject, comparison.baseline) if run)
+    return off / final if final and off and math.isfinite(off) and math.isfinite(final) else 0.0
 
 
 def outcome(run: ControllerRun) -> str:
@@ -199,7 +205,8 @@ def parameters(comparison: Comparison) -> str:
     """Numbers of a mechanism's parameters in words."""
     inertial, all_of_them = len(comparison.space.parameter_names), len(comparison.mechanism.parameter_names)
     friction = f", plus {all_of_them - inertial} of friction" if all_of_them > inertial else ""
-    return f"{comparison.space.rank} base parameters of {inertial} inertial parameters{friction}"
+    base = "base parameter" if comparison.space.rank == 1 else "base parameters"
+    return f"{comparison.space.rank} {base} of {inertial} inertial parameters{friction}"
 
 
 TRUTH_UNKNOWN = (
