@@ -156,7 +156,10 @@ def times_ahead_of(given: Sequence[float]) -> Array:
 
 def initial_error_of(given: ArrayLike, dof: int) -> Array:
     """Initial position errors (r,), checked."""
-    return finite_numbers(per_joint(given, dof, "initial_error"), "initial_error")
+    found = finite_numbers(per_joint(given, dof, "initial_error"), "initial_error")
+    if (most := float(np.abs(found).max())) > 2.0 * np.pi:
+        raise InputError(f"initial_error: expected at most a turn in rad (m), got {most:g}: is it in deg?")
+    return found
 
 
 def known_options(given: Mapping[str, Any] | None, names: Sequence[str]) -> Mapping[str, Any]:

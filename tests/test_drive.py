@@ -381,3 +381,8 @@ def test_after_a_period_off_time_the_filters_settle_again(monkeypatch: pytest.Mo
     robot.fault, robot.faults = "late", ((140, 1),)
     adaptctl.drive(robot, LAW, REFERENCE, 0.8)
     assert 1 <= len(told) <= 3
+
+
+def test_a_motion_about_a_posture_outside_the_limits_is_refused() -> None:
+    with pytest.raises(adaptctl.InputError, match="joint 2 stands at 90, outside its range"):
+        motion_about([0.3, 90.0], HardwareLimits.of(ARM))

@@ -311,6 +311,11 @@ def test_what_is_returned_is_the_callers(env: TrackingEnv) -> None:
         ({"trajectory": "fast"}, InputError, "expected a Reference, a seed of at least 0, or 'random', got 'fast'"),
         ({"trajectory": -1}, InputError, "trajectory"),
         ({"initial_error": np.zeros(5)}, InputError, "initial_error: expected a number or 6 of them, got shape"),
+        (
+            {"initial_error": 30.0},
+            InputError,
+            "initial_error: expected at most a turn in rad .m., got 30: is it in deg",
+        ),
         ({"initial_error": float("nan")}, NonFiniteError, "initial_error: expected numbers, got"),
         ({"initial_error": np.inf}, NonFiniteError, r"initial_error: expected finite numbers, got inf at index \(0,\)"),
         ({"parameters": np.zeros(59)}, InputError, r"parameters: expected shape \(60,\), got \(59,\)"),

@@ -149,8 +149,8 @@ def _driven(
     from adaptctl.arrays import positive_number
     from adaptctl.control import with_external_torque
     from adaptctl.hardware import HardwareLimits, drive, motion_about, ready_controller
-    from adaptctl.hardware.checks import validate_posture
     from adaptctl.hardware.preparation import periods_late
+    from adaptctl.hardware.robot import validate_posture
 
     duration, amplitude = motion
     positive_number(duration, "--duration: expected a positive time in s")

@@ -16,7 +16,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import GainError, InputError, validate_kind
 from adaptctl.hardware.measurements import Measurements
 from adaptctl.hardware.preparation import hold_at, periods_late
-from adaptctl.hardware.robot import HardwareLimits, RobotReading
+from adaptctl.hardware.robot import HardwareLimits, RobotReading, validate_posture
 
 GRAVITY_SHARE, MEASURED_SHARE = 0.1, 0.2
 """shares of a torque limit by which the estimate's gravity torque may differ from the one that the robot or its
@@ -125,13 +125,6 @@ def _validate_rest(reading: RobotReading, first: RobotReading, names: Sequence[s
     moved = np.abs(reading.p - first.p) > STILL * passed + 1e-3
     for j in map(int, np.flatnonzero((np.abs(reading.v) > STILL) | moved)):
         raise InputError(f"robot: {names[j]} moves, at {reading.v[j]:.3g} rad/s (m/s): start at rest")
-
-
-def validate_posture(p: Array, names: Sequence[str], limits: HardwareLimits) -> None:
-    """Raise `InputError` for a joint at p (r,) outside its range."""
-    for j in map(int, np.flatnonzero((p < limits.lower) | (p > limits.upper))):
-        low, high = limits.lower[j], limits.upper[j]
-        raise InputError(f"robot: {names[j]} stands at {p[j]:.4g}, outside its range {low:.4g} to {high:.4g} rad (m)")
 
 
 def torque_at_rest(controller: Controller[Any], p: Array) -> Array:

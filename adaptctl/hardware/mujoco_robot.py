@@ -11,10 +11,9 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked, positive_period
 from adaptctl.dynamics import Mechanism
-from adaptctl.hardware.checks import validate_posture
 from adaptctl.hardware.force_sensor import ForceReading
 from adaptctl.hardware.gravity import GravityTorque
-from adaptctl.hardware.robot import HardwareLimits, RobotReading
+from adaptctl.hardware.robot import HardwareLimits, RobotReading, validate_posture
 from adaptctl.optional_packages import needed
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant
 

@@ -17,7 +17,7 @@ from adaptctl.control.gains.gain_design import largest_with_delay
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, validate_kind
 from adaptctl.hardware.gravity import parameters_with
-from adaptctl.hardware.robot import HardwareLimits
+from adaptctl.hardware.robot import HardwareLimits, validate_posture
 from adaptctl.tuning import adaptive_controller
 from adaptctl.tuning.default_gains import DEFAULT_SAMPLING_RATIO
 
@@ -48,7 +48,7 @@ def motion_about(p: ArrayLike, limits: HardwareLimits, amplitude: float = AMPLIT
     Raises
     ------
     InputError
-        If the posture has another number of joints than the limits, or is not of numbers.
+        If the posture has another number of joints than the limits, is outside of them, or is not of numbers.
     NonFiniteError
         If a position is not finite.
 
@@ -60,6 +60,7 @@ def motion_about(p: ArrayLike, limits: HardwareLimits, amplitude: float = AMPLIT
     """
     validate_kind(limits, HardwareLimits, "limits", "as HardwareLimits.of(mechanism) gives")
     center = checked(p, limits.dof, "posture")
+    validate_posture(center, [f"joint {j + 1}" for j in range(limits.dof)], limits)
     frequency = np.linspace(*FREQUENCIES, center.size)
     room = ROOM_SHARE * np.minimum(center - limits.lower, limits.upper - center)
     speed = SPEED_SHARE * limits.velocity / (2.0 * np.pi * frequency)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, Self, runtime_checkable
 
@@ -221,6 +222,13 @@ def validate_robot(robot: object) -> None:
         )
     if not isinstance(robot.limits, HardwareLimits):  # type: ignore[attr-defined]  # it was looked for
         raise InputError("robot: expected `limits` to be HardwareLimits(torque, velocity, lower, upper, torque_rate)")
+
+
+def validate_posture(p: Array, names: Sequence[str], limits: HardwareLimits) -> None:
+    """Raise `InputError` for a joint at p (r,) outside its range."""
+    for j in map(int, np.flatnonzero((p < limits.lower) | (p > limits.upper))):
+        low, high = limits.lower[j], limits.upper[j]
+        raise InputError(f"robot: {names[j]} stands at {p[j]:.4g}, outside its range {low:.4g} to {high:.4g} rad (m)")
 
 
 def finite_vector(values: object, size: int) -> Array | None:
