@@ -17,7 +17,6 @@ from adaptctl import Plant, SlotineLi, adaptive_controller, simulate_many
 from adaptctl.arrays import Array
 from adaptctl.compilation import compile_function
 from adaptctl.compilation.kernel import Kernel
-from adaptctl.contest.entries import ContestEntry
 from adaptctl.control import AdaptiveState, GuardedLearning
 from adaptctl.control.adaptation.doubt import CLEAR
 from adaptctl.control.adaptation.guarded_learning import GRADIENT_SHARE
@@ -342,7 +341,7 @@ def test_a_decision_has_a_time_limit() -> None:
     controller = SlotineLi(reduced(ARM), 8.0, gains(ARM).damping, law, torque_limits=np.inf)
 
     def jumping(t: float) -> Array:
-        return np.array([8.0, -9.0, 7.0]) * np.sign(np.sin(40.0 * t * t)) * (t > 3.0)
+        return np.array([24.0, -27.0, 21.0]) * np.sign(np.sin(40.0 * t * t)) * (t > 3.0)
 
     run = loop(controller, arm(ARM), swinging(arm(ARM)), 7.0, disturbance=jumping)
     alarms = [float(memory(state).watch.alarm[0]) for state in run.states]
@@ -365,17 +364,6 @@ def test_the_default_controller_learns_friction_too() -> None:
     )
     assert final(runs, 18.0, 20.0) < 2.0 * final(measured(plant, own, parameters=true[None]), 18.0, 20.0)
     assert adaptive_controller(arm(ARM), friction=False).model.names == reduced(ARM).names
-
-
-@nightly
-@pytest.mark.parametrize(
-    "robot", ["finger_edu_description/robots/finger_edu.urdf", "ur_description/urdf/ur10_robot.urdf"]
-)
-def test_light_arms_learn_with_coarse_encoders(robot: str) -> None:
-    given = "{example-robot-data}/" + robot, "", ("encoder-12",), (1, 2, 3), 20.0, ("reference", "initial error")
-    true, learned = (ContestEntry(law, *given, "adaptctl").rows() for law in ("true", "learning"))
-    assert not [row["reason"] for row in learned if row["reason"]]
-    assert np.median([row["error"] for row in learned]) < 1.1 * np.median([row["error"] for row in true])
 
 
 @pytest.mark.parametrize(

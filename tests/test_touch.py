@@ -155,7 +155,7 @@ def judging(per_hour: float, T: float) -> Any:
     def judged(torque: Column, state: Column) -> Column:
         numbers = iter(state)
         parts: Any = [Column(next(numbers) for _ in range(size)) for size in sizes]
-        prediction: Any = FilteredPrediction([], torque, Column((1.0,)), None)  # type: ignore[arg-type]
+        prediction: Any = FilteredPrediction([], torque, *2 * [Column((1.0,))], None)  # type: ignore[arg-type]
         missed = Missed(torque, Column((0.0,)), Column((1e6,)), 0.0)
         after = judged_by(observer, prediction, missed, passed, [0.1], Touch(*parts, None))  # type: ignore[arg-type]
         return Column(number for part in after[:-1] for number in part)

@@ -108,7 +108,7 @@ def learning_law(model: ReducedModel, tuning: Tuning) -> GuardedLearning:
     -------
     GuardedLearning
         Law whose gain is the diagonal of the tuning's, and whose weight is 1/(sigma^2 1 s): sigma of a joint is 0.3 %
-        of its torque limit, or what 0.0033 rad/s makes by its damping, if that is less, but at least 1 % of the file's
+        of its torque limit, or what 0.0033 rad/s makes by its damping, if that is less, but at least 3 % of the file's
         Coulomb friction. Its bound is at ten prior ranges, and an update may change torques by half of their limits.
 
     Raises

@@ -14,7 +14,7 @@ from adaptctl.identifiability import ReducedModel
 from adaptctl.tuning.default_gains import HORIZON, prior_ranges
 from adaptctl.tuning.feasible_reference import coulomb_friction
 
-FRICTION_ERROR_SHARE = 0.01
+FRICTION_ERROR_SHARE = 0.03
 """share of a file's Coulomb friction within which a joint's friction is known at best"""
 SPEED_NOISE = 3.3e-3
 """rad/s (m/s): times the damping it is a torque error, which matters where limits are far above the loads"""

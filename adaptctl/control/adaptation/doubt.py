@@ -14,8 +14,12 @@ from adaptctl.scalars.scalar import Condition
 
 MODEL, UNKNOWN, PAYLOAD, CONTACT, RESTARTED = 0.0, 1.0, 2.0, 3.0, 4.0
 """What missed torques are taken for: nothing new, not known yet, a changed load, a push, or a memory begun anew."""
-THRESHOLD = 3.5
-"""standard deviations of a missed torque that is no noise"""
+NOISE_LEVEL = 6.0
+"""standard deviations of noise, as measured, beyond which a missed torque is none: 1 in 1,000 runs of 20 s passes it"""
+KNOWN_LEVEL = 1.1
+"""standard deviations of a stated error and of what P leaves unsure: sound runs are within 0.8 of this"""
+OPEN_LEVEL, OPEN = 3.5, 15.0
+"""standard deviations of what motion has not shown yet: what is unsure beyond so many squared errors"""
 SLACK = 10.0
 """deviations of torque noise (3 % of a torque limit) that friction may hold at speeds below `min_speed`"""
 CLEAR = 1.0
@@ -24,6 +28,10 @@ PATIENCE = 10.0
 """times as long as what is not known may a contact last"""
 YOUTH, NOISE_MEMORY = 2.0, 5.0
 """s of motion in which all misses count as noise; s over which noise is averaged later"""
+LEAST_NOISE = 0.1
+"""share of a stated squared error that noise has at least"""
+MAX_YOUNG_NOISE = 10.0
+"""ratio of a squared miss to what is stated and unsure, above which it is ignorance, and counts as this much"""
 MAX_NOISE_RISE = 2.0
 """ratio of a squared miss to the noise, above which it counts as this much: a load must not pass for noise"""
 
@@ -42,7 +50,8 @@ class Watch(NamedTuple):
 
 
 class TorqueEquations(NamedTuple):
-    """One period's rows (r of k) in both units, torques missed by the trusted estimate, and which joints count."""
+    """One period's rows (r of k) in both units, torques missed by the trusted estimate, which joints count, and which
+    of these do not turn back."""
 
     rows: list[Column]
     units: list[Column]
@@ -50,6 +59,7 @@ class TorqueEquations(NamedTuple):
     missed: Column
     weights: Column
     counts: Column
+    onwards: Column
     moving: Column
 
 
@@ -63,7 +73,11 @@ def equations(
     moving = Column(where(still, 0.0, m + period.period) for still, m in zip(slow, watch.moving, strict=True))
     counts = Column(where(m > settling, period.dt_ratio, 0.0) for m in moving)
     missed = residual(rows, watch.trusted, prediction.torque)
-    return TorqueEquations(rows, [scale * row for row in rows], prediction.torque, missed, weights, counts, moving)
+    # Filtered speeds turn back later than friction does.
+    ways = zip(prediction.speed, prediction.rubbing, speeds, counts, strict=True)
+    onwards = Column(where(where(v < 0.0, -w, w) < most, 0.0, count) for v, w, most, count in ways)
+    units = [scale * row for row in rows]
+    return TorqueEquations(rows, units, prediction.torque, missed, weights, counts, onwards, moving)
 
 
 def doubted(sample: TorqueEquations, unsure: Column, period: Period, watch: Watch) -> tuple[Column, Column, Any]:
@@ -73,15 +87,18 @@ def doubted(sample: TorqueEquations, unsure: Column, period: Period, watch: Watc
     pace = period.period / minimum(maximum(0.25 * age, 0.1), NOISE_MEMORY)
     quiet = where(watch.alarm[0] > 0.0, 0.0, 1.0)
     noises, doubts = [], []
-    parts = zip(sample.missed, unsure, sample.weights, sample.counts, watch.noise, watch.doubt, strict=True)
-    for miss, form, weight, counts, noise, doubt in parts:
-        square, usual = miss * miss, noise + 1.0 / weight
-        limit = (THRESHOLD * THRESHOLD) * (usual + form)
-        loose = limit + where(counts > 0.5, 0.0, SLACK * SLACK / weight)
+    measured = sample.missed, unsure, sample.weights, sample.counts, sample.onwards
+    for miss, form, weight, counts, onwards, noise, doubt in zip(*measured, watch.noise, watch.doubt, strict=True):
+        square = miss * miss
+        open_yet = maximum(form - OPEN / weight, 0.0)
+        limit = NOISE_LEVEL**2 * noise + KNOWN_LEVEL**2 * (1.0 / weight + form) + OPEN_LEVEL**2 * open_yet
+        loose = limit + where(onwards > 0.5, 0.0, SLACK * SLACK / weight)
         calmer = where(square > limit, doubt, maximum(doubt - period.dt, 0.0))
         doubts.append(old * where(square * period.dt_ratio > loose, CLEAR, calmer))
-        seen = maximum(square - form, 0.0)
-        seen = where(old > 0.5, minimum(seen, MAX_NOISE_RISE * usual), seen)
+        most = where(
+            old > 0.5, MAX_NOISE_RISE * (noise + LEAST_NOISE / weight), MAX_YOUNG_NOISE * (1.0 / weight + form)
+        )
+        seen = minimum(square, most)
         takes = quiet * where(old * where(square > limit, 1.0, 0.0) > 0.5, 0.0, pace * counts)
         noises.append(noise + takes * (seen - noise))
     return Column(noises), Column(doubts), age

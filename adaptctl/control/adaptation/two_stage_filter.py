@@ -27,11 +27,12 @@ class FilteredTwice(NamedTuple):
 
 
 class FilteredPrediction(NamedTuple):
-    """Regressor by rows, torques (r,), speeds (r,), and the filters' next state."""
+    """Regressor by rows, torques (r,), speeds (r,), speeds (r,) at which friction acts, and the filters' next state."""
 
     rows: list[Column]
     torque: Column
     speed: Column
+    rubbing: Column
     after: FilteredTwice
 
 
@@ -59,4 +60,4 @@ def predicted(model: ReducedModel, period: Period, memory: FilteredTwice, cutoff
     speed = keep * memory.speed + (1.0 - keep) * period.v
     twice = [spread(Column(entries), at, k) for entries, at in zip(kept, places, strict=True)]
     second = Filtered(Column(x for entries in kept for x in entries), torque)
-    return FilteredPrediction(twice, torque, speed, FilteredTwice(first, second, speed, sliding))
+    return FilteredPrediction(twice, torque, speed, rubbing, FilteredTwice(first, second, speed, sliding))
