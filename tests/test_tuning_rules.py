@@ -187,7 +187,7 @@ def test_the_learning_rule_weighs_torques_by_their_errors(limits: np.ndarray, pe
     rubbing = ARM.with_drives([Drive(viscous=0.0, coulomb=0.1), Drive(viscous=0.0, coulomb=7.0)])
     model, gain = ReducedModel(rubbing), np.diag(np.arange(1.0, 11.0))
     found: GuardedLearning = learning_by_rule(model, gain, limits, damping, period, swing)
-    # 0.3 % of the limit, or what the damping makes of 3.3 mrad/s where that is less; friction is known within 3 % at best
+    # 0.3 % of the limit, or what the damping makes of 3.3 mrad/s if that is less; friction is known within 3 % at best
     errors = np.maximum(np.minimum(3e-3 * limits, 3.3e-3 * damping), [0.003, 0.21])
     assert found.prediction_weight == pytest.approx(errors**-2)
     assert found.gain == pytest.approx(np.arange(1.0, 11.0))
