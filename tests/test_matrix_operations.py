@@ -12,14 +12,16 @@ from levels import usable
 from nightly import mostly_at_night
 
 from adaptctl.arrays import Array
-from adaptctl.compilation import Op, compile_function, compile_step, trace
+from adaptctl.compilation import Op, compile_function, compile_step, llvm, trace
+from adaptctl.compilation.lanes import Lanes
+from adaptctl.compilation.llvm import program
 from adaptctl.compilation.loops import Interpreter, vector
 from adaptctl.compilation.matrix_operation import MatrixOperation
 from adaptctl.compilation.native import Processor
 from adaptctl.control.adaptation import recalled_step, symmetric
 from adaptctl.control.adaptation.sample_stack import sample_stack
 from adaptctl.control.adaptation.symmetric import Equation, directional_update, rank_update, solve, symmetric_product
-from adaptctl.scalars import Column, Dual, column
+from adaptctl.scalars import Column, Dual, column, cos, sin, where
 
 SIZES = st.integers(1, 45)
 
@@ -61,6 +63,31 @@ def operation_and_arguments(name: str, k: int, r: int, rng: np.random.Generator)
 
 
 NAMES = pytest.mark.parametrize("name", ["product", "solve", "rank", "scale", "recall", "stack", "learn", "forget"])
+
+
+@pytest.mark.parametrize("lanes", [1, 4])
+def test_pieces_beside_loops_have_the_bits_of_the_whole(lanes: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are a module of their own, made at another level of optimization."""
+    product, k = symmetric._product(14), 14
+
+    def equation(A: Column, b: Column) -> tuple[Column, Column]:
+        (first,) = product(A, b)
+        (then,) = product(A, Column(where(x < 0.0, sin(x), y * x - 1.0) for x, y in zip(first, b, strict=True)))
+        return then, Column(map(cos, then))
+
+    def values() -> list[Any]:
+        ensemble = compile_step(equation, state={}, constants={"A": 105, "b": k}, lanes=lanes).ensemble(2 * lanes - 1)
+        rng = np.random.default_rng(0)
+        ensemble.held["A"] = rng.normal(size=(ensemble.members, 105))
+        ensemble.held["b"] = rng.normal(size=(ensemble.members, k))
+        return [part.tolist() for part in ensemble.run()]
+
+    routine, whole = trace(equation, {"A": 105, "b": k}), values()
+    assert not program(routine, Lanes(lanes)).pieces
+    monkeypatch.setattr(llvm, "MAX_WHOLE_EXPRESSIONS", 0)
+    monkeypatch.setattr(llvm, "PIECE_EXPRESSIONS", 20)
+    assert program(routine, Lanes(lanes)).pieces
+    assert values() == whole
 
 
 def bits(columns: Any) -> list[list[float]]:

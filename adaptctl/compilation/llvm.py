@@ -26,7 +26,8 @@ class Program(NamedTuple):
     """
     LLVM IR of a routine with its calls, and its function's name.
 
-    `pieces` is a module beside it of a routine in pieces, for code that is made quickly.
+    `pieces` is a module beside it, for code that is made quickly: of a routine in pieces that calls loops on matrices,
+    which take most of its time.
     """
 
     text: str
@@ -53,7 +54,7 @@ def program(
         functions.append(_function(before, parts[before], symbols, lanes))
         parts[routine] = pieces(same.left(routine), {**same.places, **landed})
     own = _function(routine, parts[routine], symbols, lanes, same, uniform)
-    if len(parts[routine]) == 1:
+    if len(parts[routine]) == 1 or all(isinstance(r, Routine) for r in symbols):
         return Program(_with_sines([*functions, own], lanes), symbol)
     declared += [f"declare void @{symbols[r]}({', '.join(_pointers(r, NONE))})" for r in called]
     functions = [text.replace("define internal void", "define void") for text in functions]

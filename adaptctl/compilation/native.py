@@ -29,7 +29,7 @@ _LEVELS = {"sse2": ("x86-64", ("sse2",)), "avx2": ("x86-64-v3", _AVX2), "avx512"
 
 LEVEL, QUICK = 1, 0
 """LLVM's optimization levels. At level 2 the same code takes a third longer to compile than at 1, and runs no faster;
-at 0 pieces of long straight-line code take a sixth, and run a fifth longer."""
+at 0 long straight-line code takes a sixth, and runs a third to a half longer."""
 
 
 class Processor(NamedTuple):
