@@ -13,6 +13,7 @@ from adaptctl.dynamics import load
 from adaptctl.recording import Comparison
 from adaptctl.recording.contact_force import contact_forces, contact_points
 from adaptctl.recording.figures import drawings
+from adaptctl.recording.touches import touches
 from adaptctl.simulation.mujoco_plant import TOUCH_FLAGS
 
 
@@ -90,3 +91,18 @@ def test_forces_of_contacts_are_means_and_points_those_of_the_last_contact(shown
     points = contact_points(run)
     np.testing.assert_array_equal(points[150], point[150])
     np.testing.assert_array_equal(points[[200, 250, 299]], point[[199] * 3])
+
+
+def test_touches_are_told_apart_by_a_second_without_one(shown: Comparison) -> None:
+    """Where a torque is above its level, twice within 0.02 s and once 2 s later: by the joint farthest above."""
+    rollout = shown.subject.rollout
+    told = np.zeros((len(rollout.time), 5))  # one number besides, torques and levels of two joints
+    told[:, 3:] = [1.0, 3.0]
+    told[100:151, 1], told[160, 2], told[1160:1170, 1:3] = 1.5, -3.2, [1.2, -4.0]
+    felt = replace(shown.subject, rollout=replace(rollout, logged_state=told), law="SlotineLi + GuardedLearning")
+    names = shown.joint_names
+    assert touches(felt, names) == [
+        (rollout.time[100], rollout.time[160], names[0], 1.5),
+        (rollout.time[1160], rollout.time[1169], names[1], -4.0),
+    ]
+    assert touches(replace(felt, law="SlotineLi + Gradient"), names) == []

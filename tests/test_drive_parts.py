@@ -32,7 +32,7 @@ from adaptctl.hardware.preparation import DEFAULT_SAMPLING_RATIO, hold_at
 from adaptctl.hardware.resting import MARGIN, StoppingDistance
 from adaptctl.hardware.stop import PlannedStop
 from adaptctl.hardware.timing import BINS, LoopTimes
-from adaptctl.hardware.touch_reaction import yielding
+from adaptctl.hardware.touch_reaction import Retreat, yielding
 from adaptctl.hardware.udp_plant import received
 
 PERIOD = 4e-3
@@ -95,6 +95,27 @@ def test_an_arm_that_yields_keeps_a_fifth_of_its_damping_and_no_spring() -> None
     np.testing.assert_allclose(v - point.v, 0.2 * v)
     np.testing.assert_array_equal(point.p, CENTER)
     np.testing.assert_array_equal(point.a, np.zeros(2))
+
+
+@pytest.mark.parametrize(("time", "back"), [(5.0, 1.0), (0.6, 0.4), (0.2, 0.0)])
+def test_a_retreat_turns_goes_back_and_stops_along_its_path(time: float, back: float) -> None:
+    """It turns in twice the time of a stop, to where it was, goes back a second or to the start, and stops in half a
+    stop's time more; its velocities and accelerations are derivatives."""
+    path, seconds, h = adaptctl.Sinusoids(CENTER, [0.4, 0.3], [0.2, 0.3], start_time=0.01), 0.4, 1e-5
+    way = Retreat(path, time, seconds)
+    assert (way.back, way.end) == (pytest.approx(back), pytest.approx(time + 3.0 * seconds + back))
+    inner = np.linspace(time + 1e-3, way.end - 1e-3, 101)
+    before, now, after = (way(inner + shift) for shift in (-h, 0.0, h))
+    np.testing.assert_allclose(now.v, (after.p - before.p) / (2.0 * h), atol=1e-6)
+    np.testing.assert_allclose(now.a, (after.v - before.v) / (2.0 * h), atol=1e-5)
+    for part, other in zip(way(np.array([time])), path(np.array([time])), strict=True):
+        np.testing.assert_allclose(part, other)
+    turned = way(time + 2.0 * seconds)
+    np.testing.assert_allclose(turned.p, path(time).p, atol=1e-9)
+    np.testing.assert_allclose(turned.v, -path(time).v, atol=1e-9)
+    rest = way(way.end)
+    np.testing.assert_allclose(rest.p, path(max(0.0, time - back - 0.5 * seconds)).p, atol=1e-9)
+    np.testing.assert_allclose(rest.v, 0.0, atol=1e-9)
 
 
 def test_a_planned_stop_ends_when_its_path_rests() -> None:
