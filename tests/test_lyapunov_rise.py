@@ -33,12 +33,13 @@ SMALL = 0.05
 
 
 def law_of(kind: str, model: ReducedModel) -> AdaptationLaw[Any] | None:
-    """An adaptation law whose V is known."""
+    """An adaptation law whose V is known. Of a whole gain, one so large that V rises while parameters change: else its
+    only rises are those of kinetic energy."""
     k = len(model.names)
     mixed = np.linalg.qr(np.random.default_rng(k).normal(size=(k, k)))[0]
     return {
         "gradient": Gradient(np.full(k, SMALL)),
-        "whole gain": Gradient(mixed @ np.diag(np.linspace(0.5, 1.0, k) * SMALL) @ mixed.T),
+        "whole gain": Gradient(mixed @ np.diag(np.linspace(0.5, 1.0, k) * 60.0 * SMALL) @ mixed.T),
         "projection": Projection(Gradient(np.full(k, SMALL)), np.full(k, -50.0), np.full(k, 50.0)),
         "subspace": Subspace(np.full(3, SMALL), mixed[:, :3]),
         "natural": Natural(SMALL) if model.basis is None else None,
