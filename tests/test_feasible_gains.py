@@ -10,15 +10,21 @@ import pytest
 from scipy.linalg import expm
 from two_links import ARM, AT_REST, LIMITS, changed
 
-from adaptctl.control import Sinusoids
+from adaptctl.control import Gains, Sinusoids
 from adaptctl.control.gains.workspace import MAX_RANGE
 from adaptctl.description import JointKind, Limits
 from adaptctl.description.drive import Drive
-from adaptctl.dynamics import load
+from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError
 from adaptctl.tuning import with_friction
 from adaptctl.tuning.default_gains import DefaultGains, _groups, prior_ranges
-from adaptctl.tuning.feasible_gains import FeasibleGains, feasible_gains, limitations, recoverable_error
+from adaptctl.tuning.feasible_gains import (
+    FeasibleGains,
+    feasible_gains,
+    limitations,
+    recoverable_error,
+    yielding_note,
+)
 from adaptctl.tuning.feasible_reference import (
     _costs,
     _loads,
@@ -105,6 +111,19 @@ def test_what_limits_gains_is_told_in_the_units_of_the_joint() -> None:
     assert "adding 2 kg of drive mass" in slide
     assert told(False, True) == ["Λ and K are limited by the torque limit"] * 2
     assert told(False, False) == ["K is limited by the torque limit"] * 2
+
+
+def test_joints_that_a_small_push_moves_far_are_told() -> None:
+    """Stiffness is bandwidth times damping; the bandwidth is 4, and 5 % of a limit is the push."""
+
+    def told(yields: list[float], mechanism: Mechanism = ARM) -> str:
+        limits = np.array([joint.limits.effort for joint in ARM.primary_joints])
+        return yielding_note(mechanism, Gains(np.full(2, 4.0), 0.05 * limits / (4.0 * np.array(yields))))
+
+    assert told([0.99, 0.99]) == ""
+    assert told([0.9, 1.1]).startswith("elbow: a push of 5% of the torque limit moves it by more than 1 rad")
+    assert told([1.1, 1.1]).startswith("shoulder, elbow: ")
+    assert told([9.0, 9.0], changed(lambda joint: replace(joint, limits=Limits()), 0)).startswith("elbow: ")
 
 
 def test_shares_at_rest_are_of_gravity_and_coulomb_friction() -> None:

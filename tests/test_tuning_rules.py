@@ -133,7 +133,7 @@ def test_a_search_without_end_tries_each_setting_once() -> None:
 def notes(static: float = 0.5, asked: float = 0.6, reduced: float = 1.0, rate: float = 4.0, stiff: bool = False) -> str:
     """Notes on the first joint of two."""
     numbers = (np.array([x, y]) for x, y in ((static, 0.0), (asked, 0.0), (reduced, 1.0)))
-    carried: Any = SimpleNamespace(gains=SimpleNamespace(bandwidth=np.array([rate, 4.0])))
+    carried: Any = SimpleNamespace(gains=SimpleNamespace(bandwidth=np.array([rate, 4.0]), damping=LIMITS))
     plant: Any = SimpleNamespace(integrator=LinearlyImplicitEuler() if stiff else SemiImplicitEuler(), substeps=7)
     return "; ".join(_notes(ARM, FeasibleReference(AT_REST, *numbers), carried, plant))
 

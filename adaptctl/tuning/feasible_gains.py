@@ -24,6 +24,7 @@ MAX_INITIAL_ERROR = 0.1  # rad (m), and of a joint's range
 MIN_BANDWIDTH = 1.0  # 1/s, to correct an initial error
 MAX_GRAVITY_SHARE = 0.4  # of a torque limit at the initial error, so that heavier links can still be held there
 ERROR_SHRINKAGE, SHRINKAGE_ROUNDS = 0.8, 20
+PUSH_SHARE, MAX_YIELD = 0.05, 1.0  # of a torque limit; rad (m) beyond which an arm is lost
 ROTOR_DAMPING_FACTOR = 4.0  # for which a rotor's inertia is named
 
 
@@ -120,6 +121,19 @@ def _limitation(mechanism: Mechanism, carried: FeasibleGains, j: int) -> str:
     if carried.limited_by_torque[j]:
         return "Λ and K are limited by the torque limit"
     return "K is limited by the torque limit"
+
+
+def yielding_note(mechanism: Mechanism, gains: Gains) -> str:
+    """Sentence on joints that a small push turns far, since what they move is light for their limits; or empty."""
+    limits = np.array([joint.limits.effort for joint in mechanism.primary_joints])
+    yields = PUSH_SHARE * np.where(np.isfinite(limits), limits, 0.0) / (gains.bandwidth * gains.damping)
+    if not (names := [mechanism.primary_joints[j].name for j in np.flatnonzero(yields > MAX_YIELD)]):
+        return ""
+    whom = "it" if len(names) == 1 else "them"
+    return (
+        f"{', '.join(names)}: a push of {PUSH_SHARE:.0%} of the torque limit moves {whom} by more than {MAX_YIELD:g} "
+        "rad (m) before it is learned: what moves is light for these limits; give lower ones, or rotor_inertia"
+    )
 
 
 def recoverable_error(mechanism: Mechanism, limits: Array, reference: Reference) -> Array:
