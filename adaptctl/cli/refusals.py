@@ -112,7 +112,7 @@ def _joined(words: Sequence[str], given: Sequence[str]) -> str:
     flag, value = given[start - 2 : start] if start >= 2 else ("", "")
     if not flag.startswith("--") or value.startswith("--"):
         return ""
-    return f" If they are more values of {flag}, join them by commas: {flag} {','.join([value, *words])}"
+    return f" If they are more values of {flag}, join them by commas: {flag} {','.join([value, *words])}."
 
 
 def _unknown_option(error: CycloptsError, app: App) -> str:
