@@ -189,6 +189,7 @@ def test_it_ends_at_the_error_of_the_true_parameters(noise: float) -> None:
 def test_a_dropped_load_is_told_from_a_push_and_learned() -> None:
     plant = Plant(arm(ARM), 1e-3, effects=[PayloadHeld(1.5, stop=8.0)])
     runs = measured(plant, learner(), seed=1)
+    assert final(runs, 10.0, 12.0) < 10.0 * final(known(), 10.0, 12.0)
     assert final(runs, 18.0, 20.0) < 10.0 * final(known(), 18.0, 20.0)
     assert torque_error(runs.estimate[-1, 0]) < 0.02
 

@@ -300,10 +300,11 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         trusted = watch.trusted + verdict.payload * verdict.change
         after = either(end.cleared > 0.5, trusted, after)
         trusted = either(still, trusted, after)
-        # What is remembered of another load, or of what was never explained, is of no use.
+        # What is remembered of another load, or of what was never explained, is useless.
         stored = stored.cleared(1.0 - maximum(verdict.payload, end.late), where(still, 0.0, 1.0))
         decision = where(still, named(verdict.payload, verdict.contact, watch.decision[0]), MODEL)
-        states = (age, end.alarm, where(still, watch.announced[0], 0.0), decision)
+        young = (1.0 - verdict.payload) * age  # what a short fit leaves open would pass for a push
+        states = (young, end.alarm, where(still, watch.announced[0], 0.0), decision)
         doubts = Column(where(still, x, 0.0) for x in doubt)
         watch = Watch(trusted, noise, doubts, sample.moving, *(Column((x,)) for x in states))
         sums = verdict.after.times(1.0 - verdict.payload)
