@@ -167,9 +167,9 @@ def every(state: Any, arms: int) -> Any:
 @pytest.mark.parametrize("start", [0.0, 0.7])
 @pytest.mark.parametrize("task", [False, True])
 def test_ten_thousand_contacts_of_arms_that_learn_give_no_more_than_was_stored(task: bool, start: float) -> None:
-    """Tank, kinetic energy, and what the weight of the estimate's error gives, to a hundredth of a joule."""
+    """Tank, kinetic energy, and what the weight of the estimate's error gives."""
     tussle = LearnedInAir(task, start, 250, 2003)
     tussle.run(6000)
     assert tussle.contacts > 3000
-    assert (tussle.least > -(5.0 + tussle.most + 0.01)).all()
+    assert (tussle.least > -(5.0 + tussle.most)).all()
     assert np.median(tussle.most) < 1.0
