@@ -38,10 +38,12 @@ def running(law: Controller[Any], folder: Path) -> Iterator[tuple[subprocess.Pop
         subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process,
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link,
     ):
-        link.connect(("localhost", port))
-        link.settimeout(0.2)
-        yield process, link
-        process.kill()
+        try:
+            link.connect(("localhost", port))
+            link.settimeout(0.2)
+            yield process, link
+        finally:  # or a test that fails would wait for it forever
+            process.kill()
 
 
 PASSING = TimeoutError, ConnectionRefusedError, struct.error
