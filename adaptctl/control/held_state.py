@@ -36,9 +36,7 @@ class HeldState:
 
     def __init__(self, controller: Controller[Any]) -> None:
         self._controller, self._size = controller, 0
-        self._places: dict[str, list[slice]] = {
-            name: [] for name in ("torque", "dt", "q", "estimate", "moving", "tank")
-        }
+        self._places: dict[str, list[slice]] = {name: [] for name in NAMES}
         for path, part in zip(paths(controller._blank), leaves(controller._blank), strict=True):
             here = slice(self._size, self._size + np.shape(part)[-1])
             parents, _, name = path.rpartition(".")
