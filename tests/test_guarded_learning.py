@@ -255,7 +255,7 @@ def judged_by(name: str, rows: Array, weights: Array, missed: Array, noise: floa
 
 
 def judged(
-    mass: float, seed: int, noise: float, offset: float = 0.05, vertical: float | None = None
+    mass: float, seed: int, noise: float, offset: float = 0.05, vertical: float | None = None, open_mind: float = 1.0
 ) -> tuple[Verdict, float]:
     """Verdict on 3 s with a mass (kg) on the last link, or weights without inertia, or lines in time, and what its
     change leaves of the misses."""
@@ -270,7 +270,7 @@ def judged(
     line = rng.uniform(2.0, 10.0, 3) + rng.uniform(-1.0, 1.0, 3) * (np.arange(300) * T)[:, None]
     pushed = line if vertical is None else weights @ rng.normal(size=weights.shape[-1]) * vertical
     missed = (rows @ -change if mass else pushed) + noise * rng.normal(size=(300, 3))
-    verdict = judged_by(ARM, rows, weights, missed, max(noise, 1e-3))
+    verdict = judged_by(ARM, rows, weights, missed, max(noise, 1e-3), open_mind)
     left = rows[-50:] @ (verdict.change - change)
     return verdict, float(np.abs(left).max() / max(np.abs(rows[-50:] @ change).max(), 1e-9))
 
@@ -294,6 +294,11 @@ def test_payloads_are_found_by_their_torques() -> None:
     taken = [left for verdict, left in found if verdict.payload == 1.0]
     assert len(taken) >= 6
     assert max(taken) < 0.15
+
+
+def test_a_load_beyond_the_prior_is_one_too() -> None:
+    """A push has no prior: what the prior adds to the misses that a load leaves must not count against it."""
+    assert [judged(2.0, seed, 0.0, open_mind=0.01)[0].payload for seed in range(2)] == [1.0, 1.0]
 
 
 def test_a_load_that_takes_away_more_than_there_is_is_no_payload() -> None:

@@ -136,12 +136,14 @@ class PayloadTest:
         after = LineSums(*map(Column, fits[: len(LineSums._fields)]))
         whole, straight = reduce(add, after.ee), reduce(add, fits[-1])
         usual = 2.0 * (after.n @ noise)
-        left = maximum(whole - own @ right, 0.0) - usual
+        change = self._change(own)
+        # A push has no prior, which would count against the load alone.
+        prior = reduce(add, (x * x / gain for x, gain in zip(change, self.gain, strict=True)))
+        left = maximum(whole - own @ right - prior, 0.0) - usual
         hung, weight = steady_weight.left(weights, missed, shares, (keep, step.period), whole, sums.weight)
         pushed = minimum(straight, hung)
         times = [n / weight for n, weight in zip(after.n, step.weights, strict=True)]
         full = where(reduce(maximum, times) > MIN_TIME, 1.0, 0.0)
-        change = self._change(own)
         payload = full * where(left < MAX_LEFT * whole, 1.0, 0.0) * self._is_a_body(own, change, step)
         better = where(left < MAX_LEFT_RATIO * pushed, 1.0, step.announced)
         contact = full * where(pushed - usual < MAX_LEFT * whole, 1.0, 0.0) * (1.0 - payload * better)
