@@ -79,7 +79,8 @@ def test_noise_of_velocities_does_not_turn_the_friction_that_a_filter_predicts()
     for k in range(150):  # 15 time constants
         noise = column([0.3 * (-1.0) ** k] * 2)
         now = Period(lambda s: s, noise, noise, none, p, p + noise, period, period, none)
-        rows, _, _, memory = two_stage_filter.predicted(model, now, memory, 100.0)
+        found = two_stage_filter.predicted(model, now, memory, 100.0)
+        rows, memory = found.rows, found.after
     friction = [float(row[k]) for row, k in zip(rows, at, strict=True)]
     np.testing.assert_allclose(friction, 0.1 / np.hypot(0.1, 0.01), rtol=0.02)  # at the noisy velocities 0
 
