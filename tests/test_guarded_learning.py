@@ -337,9 +337,9 @@ def test_an_announced_payload_is_taken_at_once_and_ends() -> None:
         torque, told = controller.step(told, moving.p, moving.v, ReferencePoint(*(part[0] for part in point)))
         moving = body.step(moving, torque, loaded(arm(ARM), 1.0))
         found.append(law.decision(memory(told)))
-    assert "payload" in found
     assert found[-1] == "model"
     assert found.index("payload") < 2000
+    assert 1900 < found.count("payload") < 2100  # while nothing is doubted
 
 
 def test_a_decision_has_a_time_limit() -> None:

@@ -134,3 +134,8 @@ def named(payload: Any, contact: Any, before: Any) -> Any:
     """Decision while an alarm lasts: what was said stays said until something else is."""
     said = where(before > CONTACT, UNKNOWN, maximum(before, UNKNOWN))
     return where(payload > 0.5, PAYLOAD, where(contact > 0.5, CONTACT, said))
+
+
+def remembered(before: Any, age: Any) -> Any:
+    """Decision without an alarm: a load is told for the 2 s of motion in which nothing is doubted."""
+    return where(absolute(before - PAYLOAD) < 0.5, where(age < YOUTH, PAYLOAD, MODEL), MODEL)

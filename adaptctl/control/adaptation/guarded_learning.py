@@ -21,7 +21,6 @@ from adaptctl.control.adaptation import (
 )
 from adaptctl.control.adaptation.doubt import (
     CLEAR,
-    MODEL,
     UNKNOWN,
     TorqueEquations,
     Watch,
@@ -29,6 +28,7 @@ from adaptctl.control.adaptation.doubt import (
     ended,
     equations,
     named,
+    remembered,
     touched,
 )
 from adaptctl.control.adaptation.external_torque import ExternalTorque, Touch
@@ -302,7 +302,8 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         trusted = either(still, trusted, after)
         # What is remembered of another load, or of what was never explained, is useless.
         stored = stored.cleared(1.0 - maximum(verdict.payload, end.late), where(still, 0.0, 1.0))
-        decision = where(still, named(verdict.payload, verdict.contact, watch.decision[0]), MODEL)
+        before = watch.decision[0]
+        decision = where(still, named(verdict.payload, verdict.contact, before), remembered(before, age))
         young = (1.0 - verdict.payload) * age  # what a short fit leaves open would pass for a push
         states = (young, end.alarm, where(still, watch.announced[0], 0.0), decision)
         doubts = Column(where(still, x, 0.0) for x in doubt)
@@ -322,8 +323,8 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         Returns
         -------
         str
-            "model" if it learns, "unknown" if it does not know yet, "payload" after a changed load until the misses
-            end, "contact" while torques are missed that a constant push explains and a payload does not, "restarted"
+            "model" if it learns, "unknown" if it does not know yet, "payload" for 2 s of motion after a changed load,
+            "contact" while torques are missed that a constant push explains and a payload does not, "restarted"
             for 2 s of motion after the estimate was beyond its bound.
 
         Raises
