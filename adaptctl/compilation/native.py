@@ -101,9 +101,11 @@ def load(text: str, processor: Processor | None = None, pieces: str = "") -> Nat
     """The `NativeCode` of a module of LLVM IR, `text`, and of one of `pieces` that is compiled quickly."""
     with _compiler():
         processor = processor or Processor.host()
-        levels = {LEVEL: text, QUICK: pieces} if pieces else {LEVEL: text}
-        objects = [_object(module, processor, level) for level, module in levels.items()]
-        return NativeCode(objects, processor.machine())
+        machine = processor.machine()
+        objects = [_object(text, processor, machine, LEVEL)]
+        if pieces:
+            objects.append(_object(pieces, processor, processor.machine(QUICK), QUICK))
+        return NativeCode(objects, machine)
 
 
 _modules: weakref.WeakValueDictionary[str, NativeCode] = weakref.WeakValueDictionary()
@@ -131,8 +133,8 @@ def _release(engine: Any) -> None:
         engine.close()
 
 
-def _object(text: str, processor: Processor, level: int) -> bytes:
-    folder, machine = cache_folder(), processor.machine(level)
+def _object(text: str, processor: Processor, machine: llvm.TargetMachine, level: int) -> bytes:
+    folder = cache_folder()
     if folder is None:
         return _compiled(text, machine)
     cache, key = ObjectCache(folder), _key(text, processor, machine.triple, level)
