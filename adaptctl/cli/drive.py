@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from adaptctl.cli.interruption import Interruption, interruptible
 from adaptctl.cli.output import Folder, Overwrite, WrappedTable, print_parts, titled, words
-from adaptctl.cli.robot import AS_USUAL, RobotFlags, validate_posture
+from adaptctl.cli.robot import AS_USUAL, RobotFlags, validate_posture_flag
 from adaptctl.errors import InputError
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ def connected(
     if start:
         if vendor != "mujoco":
             raise InputError(f"--start is for mujoco: a {vendor} robot stands where it stands")
-        validate_posture("--start", arm, start)
+        validate_posture_flag("--start", arm, start)
     if vendor == "franka":
         return hardware.FrankaRobot(address, real_time=not any_kernel)
     if vendor == "ur":

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from adaptctl.cli.output import Folder, Json, Overwrite, Robot, print_json
 from adaptctl.cli.pairs import Pairs, pairs
-from adaptctl.cli.robot import AS_USUAL, RobotFlags, validate_posture
+from adaptctl.cli.robot import AS_USUAL, RobotFlags, validate_posture_flag
 
 if TYPE_CHECKING:
     from adaptctl.dynamics import Mechanism
@@ -107,7 +107,7 @@ def excite(
     _validate_rate(sample_rate)
     for flag, places in (("--start", start), ("--end", end)):
         if places:
-            validate_posture(flag, mechanism, places)
+            validate_posture_flag(flag, mechanism, places)
     limits = RobotLimits.of(mechanism, limit_share, _each(acceleration), _each(jerk))
     residuals = positive_per_joint(_each(noise), mechanism.dof, "noise") if noise else None
     earlier = _earlier(mechanism, after, drives, columns, units)

@@ -60,7 +60,7 @@ class RobotFlags:
 AS_USUAL = RobotFlags()
 
 
-def validate_posture(flag: str, arm: Mechanism, places: Sequence[float]) -> None:
+def validate_posture_flag(flag: str, arm: Mechanism, places: Sequence[float]) -> None:
     """Raise `InputError` for a posture of another number of joints, or beyond their ranges."""
     names = [joint.name for joint in arm.primary_joints]
     if len(places) != len(names):
