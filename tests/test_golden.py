@@ -68,6 +68,11 @@ def test_help_is_the_one_kept() -> None:
     validate_same(before, {name: capture.help_of(*name.split()[1:]) for name in before})
 
 
+def test_figures_and_recordings_show_what_is_kept() -> None:
+    """Places, sizes, colors and styles of all that is drawn, whatever the words say."""
+    validate_same(kept("pictures"), capture.pictures())
+
+
 @pytest.mark.parametrize("name", ROBOTS)
 def test_rank_certificate_and_basis_are_those_kept(name: str) -> None:
     source, how = capture.sources()[name]

@@ -3,8 +3,8 @@
     python tests/golden/capture.py [--update] [PART ...]
 
 Parts: robots (ranks, certificates, bases), exports (hashes of exported C), names (what packages offer), help (of all
-commands), settings (defaults and bounds of all experiments), experiments (numbers in their summaries), or
-`experiments/NAME` for one. `--update` writes the files anew.
+commands), settings (defaults and bounds of all experiments), pictures (what figures and recordings show), experiments
+(numbers in their summaries), or `experiments/NAME` for one. `--update` writes the files anew.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from typing import Any
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
-PARTS = ("names", "help", "settings", "robots", "exports", "experiments")
+PARTS = ("names", "help", "settings", "robots", "exports", "pictures", "experiments")
 
 SAME_EVERYWHERE: Mapping[str, str] = {
     "ADAPTCTL_PROCESSOR": "sse2",
@@ -47,6 +47,7 @@ SAME_EVERYWHERE: Mapping[str, str] = {
 RELATIVE, ABSOLUTE = 1e-6, 1e-9
 """How far numbers may be off."""
 LOOSE: Mapping[str, float] = {
+    r"^svg ": 1e-4,  # which has one decimal place
     r"\.gap$": 0.15,  # the logarithm of a ratio to what is beyond the rank, which is round-off
     r"\.counterweights\.(weights\.\d+\.place|after)|runs\.\w+-after\.": 1e-3,  # where an optimisation ends
 }
@@ -311,6 +312,12 @@ def known() -> list[str]:
     return [line.split()[0] for line in text.getvalue().splitlines() if line[:1].strip()]
 
 
+def pictures() -> dict[str, Any]:
+    from golden.pictures import pictures
+
+    return pictures()
+
+
 # Experiments
 
 
@@ -344,6 +351,7 @@ def flattened(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
 def parts(asked: list[str]) -> Iterator[tuple[Path, Callable[[], Any]]]:
     """Files, and what says now what they ought to keep."""
     single = {"names": names, "help": helps, "settings": settings, "robots": robots, "exports": exports}
+    single |= {"pictures": pictures}
     for part in asked:
         if part in single:
             yield HERE / f"{part}.json", single[part]
