@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 import struct
 import sys
+import threading
 import time
 from types import SimpleNamespace
 from typing import Any
@@ -25,6 +26,7 @@ from adaptctl.hardware import (
     RobotReading,
     TrossenRobot,
     motion_about,
+    udp_plant,
 )
 from adaptctl.hardware.acceleration import PossibleAcceleration
 from adaptctl.hardware.lead_in import beyond_limits, led_in
@@ -226,6 +228,42 @@ def test_a_plant_on_the_network_takes_the_answer_to_its_own_datagram() -> None:
         torque, status = received(ours, 7, 2, 1.0) or (None, None)
         assert (np.asarray(torque).tolist(), status) == ([70.0, 1.0], 2)
         assert received(ours, 8, 2, 0.01) is None
+
+
+def test_an_arm_on_the_network_holds_a_torque_once_and_then_falls(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of a controller that leaves out the third and the fourth answer of six."""
+    monkeypatch.setattr(udp_plant, "PERIOD", period := 0.1)
+    torques = [np.array([1.0 + k, -0.3]) for k in range(6)]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as theirs:
+        theirs.bind(("127.0.0.1", 0))
+        theirs.settimeout(5.0)
+
+        def answer() -> None:
+            for k, torque in enumerate(torques):
+                data, place = theirs.recvfrom(4096)
+                assert struct.unpack("<5d", data)[0] == k
+                if k not in (2, 3):
+                    theirs.sendto(struct.pack("<4d", k, *torque, 1 << k), place)
+
+        peer = threading.Thread(target=answer, daemon=True)
+        peer.start()
+        udp_plant.main("two_link", 6 * period, theirs.getsockname()[1])
+        peer.join(5.0)
+    plant = adaptctl.Plant(ARM, period)
+    state = plant.init(np.zeros(2), np.zeros(2))
+    for torque in (*torques[:2], torques[1], np.zeros(2), *torques[4:]):
+        state = plant.step(state, torque)
+    told = capsys.readouterr().out
+    assert "4 of 6 torques came, 2 did not" in told
+    assert f"statuses together {0b110011}" in told
+    assert f"in the end: {np.abs(state.v).max():.3g} rad/s, positions {np.round(state.p, 3).tolist()}" in told
+
+
+def test_times_are_told_by_their_middle_and_their_slowest() -> None:
+    assert udp_plant.percentiles([1e-6 * k for k in range(1001)]) == "50 %: 500 us, 99 %: 990 us, 99.9 %: 999 us"
+    assert udp_plant.percentiles([]) == "none"
 
 
 def test_gains_fall_with_the_largest_that_a_delay_allows() -> None:

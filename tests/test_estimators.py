@@ -14,10 +14,11 @@ from synthetic_logs import Known, known, motion
 from adaptctl.cli.main import main
 from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.description.readers.entries import Tensor
+from adaptctl.errors import InputError
 from adaptctl.identification.columns import JointLog
 from adaptctl.identification.drives_file import PayloadEntry
 from adaptctl.identification.energy_differences import by_energy, energy_rows
-from adaptctl.identification.estimator_comparison import compared_estimators
+from adaptctl.identification.estimator_comparison import compared_estimators, validate_window
 from adaptctl.identification.examples import example
 from adaptctl.identification.filtered_dynamics import Rows
 from adaptctl.identification.friction_model import FrictionModel
@@ -181,3 +182,8 @@ def test_windows_that_are_too_long_are_refused(tmp_path: Path, capsys: pytest.Ca
     assert main(["identify", "tx40", "--energy-differences", "9", "--out", str(tmp_path / "two")]) == 2
     assert "expected windows of 0.01 to 2 s, got 9" in capsys.readouterr().err
     assert not (tmp_path / "two").exists()
+    for window in (0.01, 2.0):
+        validate_window(window)
+    for window in (0.009, 2.1, float("nan")):
+        with pytest.raises(InputError, match="expected windows"):
+            validate_window(window)

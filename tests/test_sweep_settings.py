@@ -101,7 +101,9 @@ def test_a_controller_that_no_run_has_is_refused_before_any_runs() -> None:
     with pytest.raises(NotFoundError, match=refused):
         validate_controllers(made.experiment, made.runs(), made.controllers)
     both = SweepStudy.named("adaptive", SHORT | {"plant": "adaptctl,both"})
-    validate_controllers(both.experiment, both.runs(), ("adaptive", "mujoco-fine"))  # which the last run has
+    first, last = both.runs()
+    for runs in ([first, first, last], [last, first, first]):  # which the last run has, or the first
+        validate_controllers(both.experiment, iter(runs), ("adaptive", "mujoco-fine"))
     wrong = [{"robot": "nosuch"}]  # is told of in its row
     validate_controllers(both.experiment, iter(wrong), ("nosuch",))
 

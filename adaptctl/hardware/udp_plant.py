@@ -50,10 +50,16 @@ def main(robot: str, seconds: float = 20.0, port: int = 5150) -> None:
             statuses, in_a_row = statuses | status, 0
             trips.append(time.perf_counter() - sent)
         state = plant.step(state, torque)
-    told = ", ".join(f"{q:g} %: {1e6 * np.percentile(trips, q):.0f} us" for q in (50, 99, 99.9)) if trips else "none"
+    link.close()
     print(f"{mechanism.name}: {len(trips)} of {round(seconds / PERIOD)} torques came, {missed} did not")
-    print(f"round trips {told}; {late} periods began late by more than one; all statuses together {statuses}")
+    told = f"{late} periods began late by more than one; all statuses together {statuses}"
+    print(f"round trips {percentiles(trips)}; {told}")
     print(f"speed in the end: {np.abs(state.v).max():.3g} rad/s, positions {np.round(state.p, 3).tolist()}")
+
+
+def percentiles(trips: list[float]) -> str:
+    """Half, nearly all and the slowest of some times in s."""
+    return ", ".join(f"{q:g} %: {1e6 * np.percentile(trips, q):.0f} us" for q in (50, 99, 99.9)) if trips else "none"
 
 
 def received(link: socket.socket, k: int, r: int, patience: float) -> tuple[np.ndarray, int] | None:
