@@ -309,7 +309,7 @@ LISTED: tuple[Listed, ...] = (
     Listed(
         "recorded status with every bit set",
         "adaptctl/codegen/interface.py",
-        "if flag[0] > 0.5)",
+        "if flag[0])",
         "if flag[0] >= 0.0)",
         ("tests/test_exported_rules.py::test_each_flag_of_a_state_is_a_bit_of_its_own_beside_those_of_faults",),
     ),

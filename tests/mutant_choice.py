@@ -25,6 +25,8 @@ from mutant_sites import Mutant
 RECORDED = ROOT / "build" / "mutants" / "entered"
 ELSEWHERE = ("benchmarks", "docstring", "layers", "light_core", "mutants", "notebook", "packaging", "public_api")
 """Parts of names of test files that read the code, or start processes of their own, which meet it as it is."""
+KEPT = "tests/test_golden.py"
+"""It compares what modules and classes say of themselves, and enters no function of theirs for that."""
 START = 0.3
 """Seconds of the processor that a test file takes beside its tests"""
 SHARE = 0.2
@@ -164,7 +166,8 @@ def chosen(mutant: Mutant, files: list[Recorded], budget: float) -> list[tuple[R
     its class or function, those that import its module, those that import of its folder, and the rest; of these quick
     ones first that enter little else. Cases that a file's share has no time for come after all other files."""
     code = concerning(mutant, files)
-    concerned = [(file, file.concerned(code)) for file in files if file.entered & code]
+    kept = KEPT if f"{mutant.path}::{mutant.function}" not in code else ""
+    concerned = [(file, file.concerned(code)) for file in files if file.entered & code or file.name == kept]
     concerned.sort(key=lambda pair: (*distance(pair[0], mutant), pair[0].seconds(pair[1]) * len(pair[0].entered)))
     first = [(file, within(file, cases, SHARE * budget)) for file, cases in concerned]
     later = [(file, cases[len(known) :]) for (file, cases), (_, known) in zip(concerned, first, strict=True)]

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from random_trees import random_chain
 
 import adaptctl
 from adaptctl.arrays import Array
@@ -30,6 +31,8 @@ from adaptctl.design import (
     simplifications,
     sphere,
 )
+from adaptctl.design.mounting_bounds import bounds
+from adaptctl.design.study import _heaviest
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, NonFiniteError
 
@@ -51,6 +54,13 @@ def single() -> DesignTask:
     ten = from_center_of_mass(2.0, [0.3, 0.0, 0.0], 0.1 * np.eye(3))
     link = Link("arm", -1, Joint("turn", axis=np.array([0.0, 1.0, 0.0])), Pose.identity(), Pose.identity(), ten)
     return DesignTask.within_limits(Mechanism(Description("pendulum", (link,))), 50)
+
+
+def test_of_many_links_the_six_that_may_carry_the_heaviest_do() -> None:
+    arm = random_chain(4, 8)
+    every = bounds(arm, arm.description.body_names, 0.2, 0.5)
+    masses = {places.link: places.mass for places in every}
+    assert sorted(_heaviest(arm, every)) == sorted(sorted(masses, key=lambda link: -masses[link])[:6])
 
 
 @cache

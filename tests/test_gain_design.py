@@ -11,8 +11,9 @@ import pytest
 from nightly import mostly_at_night
 from random_trees import random_chain
 
+from adaptctl.arrays import Array
 from adaptctl.cli.main import main
-from adaptctl.control import ComputedTorque, GainDesign, sampled_gain
+from adaptctl.control import ComputedTorque, GainDesign, ReferencePoint, sampled_gain
 from adaptctl.control.gains.workspace import Workspace, sampled_configurations
 from adaptctl.description import GROUND, Description, Joint, JointKind, Link, Pose, builtin_names
 from adaptctl.description.drive import Drive
@@ -175,6 +176,19 @@ def test_the_commands_gains_and_tune_tell_one_k(capsys: pytest.CaptureFixture[st
 
 def near(rule: DefaultGains) -> Workspace:
     return near_reference(rule.mechanism, rule.reference, rule.initial_error)
+
+
+def test_gains_hold_along_the_whole_reference(puma: Mechanism) -> None:
+    rule, asked = DefaultGains.for_mechanism(puma), list[Array]()
+
+    def reference(time: Any) -> ReferencePoint:
+        asked.append(time)
+        return rule.reference(time)
+
+    samples = near_reference(puma, reference, rule.initial_error).samples
+    np.testing.assert_allclose(asked[0], 20.0 * np.arange(60) / 59)
+    for end in (0.0, 20.0):
+        assert np.abs(samples - rule.reference(np.array([end])).p).max(axis=1).min() < 1e-9
 
 
 def test_a_design_of_gains_has_their_poles(puma: Mechanism) -> None:

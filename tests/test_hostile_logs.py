@@ -190,6 +190,9 @@ def test_links_out_of_a_data_set_and_actions_are_no_log(tmp_path: Path) -> None:
     only = {"observation.state": {"dtype": "float32", "shape": [2], "names": NAMES}, "action": {}}
     with pytest.raises(FileError, match=r"an action is no torque; record observation.effort; features: ob"):
         read_lerobot(lerobot(tmp_path / "other", V3, FILE, only))
+    many = only | {f"observation.image{k:02d}": {} for k in range(30)}
+    with pytest.raises(FileError, match=r"image17$"):  # twenty of them are told
+        read_lerobot(lerobot(tmp_path / "many", V3, FILE, many))
 
 
 def test_recordings_are_read(tmp_path: Path) -> None:

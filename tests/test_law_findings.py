@@ -14,6 +14,7 @@ from adaptctl.dynamics import load
 from adaptctl.experiments.contest import ADAPTATION_OFF, Outcome, _gravity, listed, thinning
 from adaptctl.experiments.laws import Laws, ParameterErrors, Recovery, _drifted, _recoveries, _span, each, held_back
 from adaptctl.experiments.laws_controllers import Draft, deviations, friction_columns
+from adaptctl.experiments.puma560_adaptive import FULL, one_controller
 from adaptctl.experiments.replication.closed_loop import _answer, _answers
 from adaptctl.experiments.task_space import TaskSpaceTracking
 from adaptctl.identifiability import ReducedModel
@@ -278,3 +279,16 @@ def test_an_answer_on_two_arms_compares_their_operations() -> None:
     assert "takes 3 times the operations, for 23 base parameters instead of 15." in told
     assert "times the operations" not in _answer({"a": arms["a"]})
     assert "times the operations" not in _answer(arms | {"b": arm("loop", 0, 23)})
+
+
+def test_runs_of_reduced_and_of_all_parameters_are_compared_as_long_as_both_ran() -> None:
+    torque = np.arange(12.0).reshape(6, 2)
+    both = {
+        "adaptive": run_of(np.zeros(6), torque=torque, estimate=np.zeros((6, 3))),
+        FULL: run_of(np.zeros(5), torque=torque[:5] - [0.25, 0.5], estimate=np.zeros((5, 8))),
+    }
+    outcome: Any = SimpleNamespace(run=both)
+    [finding] = one_controller(outcome, "adaptive")
+    assert finding.value == 0.5
+    assert "of 3 and of 8" in finding.meaning
+    assert list(one_controller(SimpleNamespace(run={FULL: both[FULL]}), "adaptive")) == []  # type: ignore[arg-type]

@@ -181,7 +181,7 @@ def _sound(run: EpisodeRun) -> tuple[Stretch | None, str | None]:
         return None, (f"the loop diverges after {run.lost:g} s; use smaller gains or a shorter period")
     for flag, what in FAILURES.items():
         if flag in run.loop.flags:
-            marked = stretch.sample.flags[:, run.loop.flags.index(flag)] > 0.5
+            marked = stretch.sample.flags[:, run.loop.flags.index(flag)] != 0.0
             if marked.any():
                 return stretch, what.format(stretch.time[int(marked.argmax())])
     return stretch, None

@@ -277,4 +277,4 @@ def status_bits(interface: Interface) -> tuple[StatusBit, ...]:
 def status_of(interface: Interface, state: Any) -> int:
     """Status of a control step by its guards."""
     bits = status_bits(interface)[len(FAULTS) :]
-    return sum(bit.value for bit, flag in zip(bits, guards(state), strict=True) if flag[0] > 0.5)
+    return sum(bit.value for bit, flag in zip(bits, guards(state), strict=True) if flag[0])

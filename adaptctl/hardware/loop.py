@@ -182,7 +182,7 @@ class DriveLoop:
     def _unsound(self) -> str:
         """Reason why the safety filter stopped."""
         detector, flags = self.state.ringing, self.state.flags
-        if flags.ringing[0] < 0.5:
+        if not flags.ringing[0]:
             return "a number of the controller is not finite"
         worst = self.names[int(np.argmin(correlation(Column(detector.lag_product), Column(detector.power)).of))]
         return (
@@ -202,7 +202,7 @@ class DriveLoop:
             return f"{TOUCHED} {self.feeling.events[-1]}"
         if self.stop is not None and self.stop.yields and self.feeling.over(self.time):
             return self.stop.reason
-        if self.state.flags.stopped[0] > 0.5:
+        if self.state.flags.stopped[0]:
             return self._unsound()
         if self.times.late > LATE:
             return f"{self.times.late} periods in a row came late: use a real-time kernel, or a longer period"
@@ -263,7 +263,7 @@ class DriveLoop:
         if self.stop is not None:
             state = self.held_state.without_learning(self.stop.state, self.applied)
             torque, after = self.controller.step(state, reading.p, reading.v, point)
-            if after.flags.stopped[0] > 0.5 or (np.abs(reading.p - point.p) > self.max_error).any():
+            if after.flags.stopped[0] or (np.abs(reading.p - point.p) > self.max_error).any():
                 self._robot_stops(f"{self.stop.reason}; and the planned stop failed")
             if not (self.stop.yields or self.stop.feels):
                 after = self.held_state.at(self.stop.state, after)
@@ -298,7 +298,7 @@ class DriveLoop:
             return
         near = (np.abs(reading.p - point.p) < GOOD_SHARE * self.max_error).all() and self._is_quiet()
         self.good = self.good + self.robot.period if near and sound else 0.0
-        if self.good >= PROVEN and self.state.flags.stopped[0] < 0.5:
+        if self.good >= PROVEN and not self.state.flags.stopped[0]:
             self.proven = self.state
 
     def _is_quiet(self) -> bool:

@@ -88,7 +88,7 @@ class Feeling:
         if touch is None or watch is None:
             return None
         self.torque, level = np.array(touch.torque), np.array(touch.level)
-        ready = watch.age[0] >= YOUTH and watch.announced[0] < 0.5
+        ready = watch.age[0] >= YOUTH and not watch.announced[0]
         if not ready or not (np.abs(self.torque) > level).any():
             return None
         k = int(np.argmax(np.abs(self.torque) - level))
