@@ -7,7 +7,9 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from copy import copy
 from dataclasses import replace
+from functools import cache, partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -152,6 +154,7 @@ def figures() -> Iterator[tuple[str, Any]]:
     yield from maps()
     yield from printed()
     yield from designs()
+    yield "rollout", compared().subject.rollout._figure()
 
 
 def contests() -> Iterator[tuple[str, Any]]:
@@ -190,14 +193,73 @@ def designs() -> Iterator[tuple[str, Any]]:
 
 
 def sheets() -> Iterator[tuple[str, str]]:
-    """Figures of a comparison as SVG, for a page and for a phone."""
+    """Figures that are SVG: of a comparison for a page and for a phone, and of others for a page."""
+    from adaptctl.experiments.laws import friction_curves
+    from adaptctl.experiments.over_time import over_time
+    from adaptctl.identification import report
+    from adaptctl.recording import compared_report
+    from adaptctl.recording.drawing import Drawing
     from adaptctl.recording.figures import drawings
 
-    for name, one in drawings(compared()).items():
+    found = compared()
+    for name, one in drawings(found).items():
         yield name, one.svg()
         yield f"{name}, narrow", one.svg(3.45)
+    yield from ((f"compared {one.name}", one.svg()) for one in compared_report.drawings([trace("a"), trace("bb")]))
+    values = {run.name: np.abs(run.rollout.error[:, 0]) for run in found.runs}
+    v = np.linspace(-1.0, 1.0, 51)
+    draws = {"over time": partial(over_time, found.runs, values, "y")}
+    draws |= {"friction": partial(friction_curves, rubbing(), {"shoulder.viscous": 1.5, "elbow.coulomb": 0.4}, v, 0.2)}
+    draws |= {name: partial(getattr(report, name), identified()) for name in ("_torques", "_residuals", "_excitation")}
+    yield from ((name, Drawing(name, "", draw, plain=True).svg()) for name, draw in draws.items())
 
 
+def trace(folder: str) -> Any:
+    """A finished run's table, of two joints that are sampled each hundredth of a second."""
+    time = 0.01 * np.arange(100)
+    table = {
+        f"{kind}.j{j}": np.sin((j + k + len(folder)) * time)
+        for k, kind in enumerate(("error", "applied"))
+        for j in (1, 2)
+    }
+    return SimpleNamespace(
+        time=time,
+        folder=folder,
+        sample_time=0.01,
+        entry=lambda name: "adaptive",
+        names=lambda kind: [name.partition(".")[2] for name in table if name.startswith(kind)],
+        columns=lambda kind: np.stack([own for name, own in table.items() if name.startswith(kind)], axis=1),
+        column=table.__getitem__,
+        unit=lambda name: "rad",
+    )
+
+
+def rubbing() -> Any:
+    from adaptctl import load
+    from adaptctl.description.drive import Drive
+
+    return load("two_link").with_drives(Drive(viscous=2.0, coulomb=0.5))
+
+
+def identified() -> Any:
+    """What an identification shows of its validation."""
+    from adaptctl import load
+
+    time = np.linspace(3.0, 5.0, 80)
+    measured, error = (np.stack([np.sin(k * time), np.cos(time / k)], axis=1) for k in (4.0, 31.0))
+    fading = np.exp(-np.arange(31.0))[:, None] * [1.0, 0.5]
+    validation = SimpleNamespace(
+        time=time,
+        measured=measured,
+        predicted=measured - error,
+        error=error,
+        autocorrelation=lambda lags: fading[: lags + 1],
+    )
+    strengths = [SimpleNamespace(strength=x) for x in (1e-9, 0.3, 4.0, 1e3)]
+    return SimpleNamespace(mechanism=load("two_link"), validation=validation, combinations=strengths)
+
+
+@cache
 def compared() -> Any:
     """A comparison by hand with forces of a contact, whose singular values are given: round-off differs by machine."""
     from comparisons import comparison
@@ -228,6 +290,7 @@ def recordings() -> Iterator[tuple[str, Callable[[Path], object]]]:
     yield "live view", live
 
 
+@cache
 def design() -> tuple[Any, list[Any]]:
     """A study with a counterweight, and runs; none of them was searched for or run."""
     from adaptctl import load
