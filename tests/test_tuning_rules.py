@@ -23,7 +23,7 @@ from adaptctl.tuning.learning_rule import learning_by_rule
 from adaptctl.tuning.named_laws import guarded, named_law
 from adaptctl.tuning.rotors import rotor_note, rotorless
 from adaptctl.tuning.tune import _notes, _run_remarks, _searched
-from adaptctl.tuning.verification import Verification, _verified, measures
+from adaptctl.tuning.verification import Verification, measures, verified
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +57,7 @@ def test_a_run_is_judged_by_its_first_second_its_last_two_and_its_second_half() 
 def test_runs_with_and_without_adaptation_are_told_in_pairs() -> None:
     flat = [np.full(400, x) for x in (0.01, 0.02, 0.03, 1.5)]
     trials: Any = SimpleNamespace(plant=SimpleNamespace(mechanism=ARM, torque_limits=LIMITS))
-    one, other = _verified(run_of(flat), ["nominal", "late"], trials)
+    one, other = verified(run_of(flat), ["nominal", "late"], trials)
     assert (one.name, one.final_rms_error, one.final_rms_error_adaptation_off) == pytest.approx(("nominal", 0.01, 0.02))
     assert (other.name, other.max_error) == pytest.approx(("late", 0.03))
     assert other.final_rms_error_adaptation_off == np.inf  # an error beyond 1 rad

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -21,10 +22,12 @@ from adaptctl.cli.robot import AS_USUAL, RobotFlags
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
+    from adaptctl.simulation.effects.effect import Effect
     from adaptctl.tuning import Tuning, Verification
 
 SCHEMA = "adaptctl/tuning/3"
 DONE, FAILED = 0, 3
+MAX_BITS, DIFFERENCE_CUTOFF = 32, 60.0  # Hz
 
 
 def tune(
@@ -37,6 +40,8 @@ def tune(
     adaptation_ratio: float = 0.5,
     search: int = 0,
     seed: int = 0,
+    delay: int = 0,
+    encoder_bits: int = 0,
     reading: RobotFlags = AS_USUAL,
     json: Json = False,
 ) -> int:
@@ -58,6 +63,10 @@ def tune(
         Number of settings to try in closed loop, in addition to the tuning rules.
     seed : int
         Seed of the reference and of all other random numbers.
+    delay : int
+        Control periods by which torques arrive late, for which gains are lowered.
+    encoder_bits : int
+        Bits of a joint's turn that encoders tell, with velocities from differences filtered at 60 Hz; 0 for exact.
 
     Returns
     -------
@@ -86,12 +95,24 @@ def tune(
         adaptation_ratio=adaptation_ratio,
         search=search,
         seed=seed,
+        effects=_effects(delay, encoder_bits),
     )
     if json:
         print_json(as_builtins(tuning))
     else:
         print_parts(report(tuning))
     return FAILED if tuning.failed else DONE
+
+
+def _effects(delay: int, encoder_bits: int) -> list[Effect]:
+    """Stated delay and counts."""
+    from adaptctl.arrays import whole_number
+    from adaptctl.simulation.effects import ControlDelay, Encoder, FilteredDifferences
+
+    whole_number(encoder_bits, "encoder_bits", 0, MAX_BITS)
+    late = [ControlDelay(delay)] if delay else []
+    counts = [Encoder(resolution=math.tau / 2**encoder_bits), FilteredDifferences(DIFFERENCE_CUTOFF)]
+    return [*late, *(counts if encoder_bits else [])]
 
 
 def as_builtins(tuning: Tuning) -> dict[str, Any]:

@@ -13,13 +13,13 @@ from adaptctl.arrays import checked, real_number
 from adaptctl.control import Sinusoids, SlotineLi
 from adaptctl.control.adaptation.late_torques import MAX_DELAY
 from adaptctl.control.controller import Reference
-from adaptctl.control.gains.gain_design import largest_with_delay
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, validate_kind
 from adaptctl.hardware.gravity import parameters_with
 from adaptctl.hardware.robot import HardwareLimits, validate_posture
 from adaptctl.tuning import adaptive_controller
 from adaptctl.tuning.default_gains import DEFAULT_SAMPLING_RATIO
+from adaptctl.tuning.stated_effects import late_share
 
 AMPLITUDE, SPEED_SHARE, ROOM_SHARE = 0.3, 0.15, 0.4
 """rad (m); shares of the speed limit, and of the way to the nearer end, that a motion uses"""
@@ -77,7 +77,7 @@ def periods_late(robot: Any) -> int:
 
 def hold_at(delay: int) -> float:
     """Sampling ratio of tuned gains at a delay in periods: from two on, with the margin that they have at one."""
-    return DEFAULT_SAMPLING_RATIO * min(1.0, largest_with_delay(delay) / largest_with_delay(1))
+    return DEFAULT_SAMPLING_RATIO * late_share(delay)
 
 
 def ready_controller(
@@ -112,11 +112,7 @@ def ready_controller(
     np.True_
     """
     controller = adaptive_controller(
-        mechanism,
-        control_period=control_period,
-        reference=reference,
-        sampling_ratio=hold_at(delay),
-        delay=min(delay, MAX_DELAY),
+        mechanism, control_period=control_period, reference=reference, delay=min(delay, MAX_DELAY)
     )
     own = parameters_with(controller.model.mechanism, tool)
     return replace(controller, initial=controller.model.regrouping @ own)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 from adaptctl.arrays import whole_number
 from adaptctl.control import GuardedLearning, SlotineLi
@@ -11,6 +13,9 @@ from adaptctl.control.controller import Reference
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, validate_kind
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
+from adaptctl.simulation.effects.actuators import ControlDelay
+from adaptctl.simulation.effects.effect import Effect
+from adaptctl.simulation.effects.plant_effects import listed
 from adaptctl.tuning.default_gains import DEFAULT_SAMPLING_RATIO
 from adaptctl.tuning.learning_rule import learning_by_rule
 from adaptctl.tuning.tune import Tuning, tune
@@ -26,6 +31,7 @@ def adaptive_controller(
     delay: int = 0,
     seed: int = 0,
     anyway: bool = False,
+    effects: Iterable[Effect] = (),
 ) -> SlotineLi:
     """
     Return Slotine and Li's controller with the default learning law, from zero estimates.
@@ -39,16 +45,20 @@ def adaptive_controller(
     reference : Reference, optional
         Trajectory for which the gains are chosen. Unless given, sinusoids within 60 % of the torque limits are drawn.
     sampling_ratio : float, default 0.5
-        Bound of the damping, as in `tune`. Lower it where torques act several control periods late.
+        Bound of the damping, as in `tune`, which lowers it where torques act several control periods late.
     friction : bool, default True
         True to learn viscous and Coulomb friction of every primary joint: a real one has both, and a model without
         them explains friction by inertia.
     delay : int, default 0
-        Control periods, 0 to 64, by which torques arrive late: what is learned is then of those that had arrived.
+        Control periods, 0 to 64, by which torques arrive late: what is learned is then of those that had arrived, and
+        from two on gains are lower. The same as `ControlDelay(delay)` among the effects.
     seed : int, default 0
         Seed of all random choices. Fixed, so that a controller can be repeated.
     anyway : bool, default False
         True to accept gains that failed in simulation.
+    effects : iterable of Effect, optional
+        What the robot is known to have, such as encoders with few counts or elastic joints: `tune` lowers the gains
+        until they hold with these. Default: none.
 
     Returns
     -------
@@ -78,19 +88,12 @@ def adaptive_controller(
         raise InputError(f"friction: expected True or False, got {friction!r}")
     validate_kind(mechanism, Mechanism, "adaptive_controller", "as load(...) gives one")
     mechanism = with_friction(mechanism) if friction else mechanism
-    tuning = tune(
-        mechanism, control_period=control_period, reference=reference, sampling_ratio=sampling_ratio, seed=seed
-    )
-    model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism, seed=seed)))
-    return _told_of_delay(tuning.controller(model, anyway=anyway), delay)
-
-
-def _told_of_delay(controller: SlotineLi, delay: int) -> SlotineLi:
-    """Controller whose predictions use torques that are so many periods late; a gradient has none."""
     whole_number(delay, "delay in control periods", 0, MAX_DELAY)
-    if not delay or not isinstance(controller.adaptation, GuardedLearning):
-        return controller
-    return replace(controller, adaptation=replace(controller.adaptation, delay=delay))
+    given: dict[str, Any] = {"control_period": control_period, "reference": reference, "sampling_ratio": sampling_ratio}
+    late = (ControlDelay(delay),) if delay else ()
+    tuning = tune(mechanism, **given, seed=seed, effects=(*listed(effects), *late))
+    model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism, seed=seed)))
+    return tuning.controller(model, anyway=anyway)
 
 
 def learning_law(model: ReducedModel, tuning: Tuning) -> GuardedLearning:
@@ -125,7 +128,7 @@ def learning_law(model: ReducedModel, tuning: Tuning) -> GuardedLearning:
     """
     gain, damping = tuning.adaptation_gain_for(model), tuning.gains.damping
     given = tuning.torque_limits, damping, tuning.control_period, tuning.reference
-    return learning_by_rule(model, gain, *given)
+    return learning_by_rule(model, gain, *given, tuning.delay)
 
 
 def with_friction(mechanism: Mechanism) -> Mechanism:

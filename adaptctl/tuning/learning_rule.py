@@ -37,14 +37,16 @@ def learning_by_rule(
     damping: Array,
     control_period: float,
     reference: Reference,
+    delay: int = 0,
 ) -> GuardedLearning:
     """Learning law of a model with the diagonal of a gain (k, k), for torque limits and damping (r,) each."""
     speeds = np.abs(reference(np.linspace(0.0, HORIZON, SPEED_SAMPLES)).v).max(axis=0)
     least = np.minimum(MIN_SPEED, MIN_SPEED_SHARE * speeds)
     recall, cutoff = (min(x, 0.5 / control_period) for x in (GuardedLearning.recall, GuardedLearning.cutoff))
     sigma = np.maximum(torque_error(torque_limits, damping), FRICTION_ERROR_SHARE * coulomb_friction(model.mechanism))
-    bounds: dict[str, Any] = {"bound": farthest(model, np.diag(gain)), "torque_step": STEP_SHARE * torque_limits}
-    return GuardedLearning(np.diag(gain), 1.0 / sigma**2, cutoff=cutoff, recall=recall, min_speed=least, **bounds)
+    more: dict[str, Any] = {"bound": farthest(model, np.diag(gain)), "torque_step": STEP_SHARE * torque_limits}
+    more |= {"cutoff": cutoff, "recall": recall, "min_speed": least, "delay": delay}
+    return GuardedLearning(np.diag(gain), 1.0 / sigma**2, **more)
 
 
 def farthest(model: ReducedModel, gain: Array) -> float:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import cast
 
 import numpy as np
@@ -20,7 +19,9 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, VerdictError, validate_kind
 from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation import Integrator, Plant
-from adaptctl.simulation.integrator import MAX_EXPLICIT_SUBSTEPS, integration
+from adaptctl.simulation.effects.effect import Effect
+from adaptctl.simulation.effects.plant_effects import listed
+from adaptctl.simulation.integrator import MAX_EXPLICIT_SUBSTEPS
 from adaptctl.tuning.default_gains import (
     DEFAULT_BANDWIDTH,
     DEFAULT_SAMPLING_RATIO,
@@ -34,6 +35,7 @@ from adaptctl.tuning.feasible_gains import MIN_BANDWIDTH, FeasibleGains, limitat
 from adaptctl.tuning.feasible_reference import TORQUE_SHARE, FeasibleReference
 from adaptctl.tuning.learning_rule import MAX_LEARNED, learning_by_rule
 from adaptctl.tuning.rotors import rotor_note
+from adaptctl.tuning.stated_effects import Held, Rates, gradient_run, held, holds, late_share, plant_with
 from adaptctl.tuning.verification import (
     LINK_ERROR,
     MAX_ERROR,
@@ -42,9 +44,9 @@ from adaptctl.tuning.verification import (
     TrialSetting,
     Verification,
     base_model,
+    delay_of,
     measures,
     scaled_links,
-    verifications,
 )
 
 MAX_STATIC_SHARE = 0.95  # of a torque limit at rest, above which a joint can only creep
@@ -97,6 +99,8 @@ class Tuning:
         Results of simulated runs with these gains; empty for a mechanism of more than 100 links.
     notes : tuple of str
         Sentences for the user, such as on a load beyond the torque limits.
+    effects : tuple of Effect
+        Stated effects of the robot, which the verified runs have.
 
     Examples
     --------
@@ -122,6 +126,7 @@ class Tuning:
     limited_by: tuple[str, ...]
     verified: tuple[Verification, ...]
     notes: tuple[str, ...] = ()
+    effects: tuple[Effect, ...] = ()
 
     def __repr__(self) -> str:
         verdict = "learns" if self.is_learning else "does not learn" if self.failed else "not verified"
@@ -195,6 +200,8 @@ class Tuning:
         validate_kind(model, ReducedModel, "controller", "as ReducedModel(mechanism) is one")
         if adaptation and not anyway:
             self.validate_learning("anyway=True")
+        if adaptation == "gradient" and not anyway:
+            self._validate_gradient()
         law, gains = self._adaptation(model, adaptation), self.gains
         given = None, self.control_period, self.workspace, self.torque_limits
         return SlotineLi(model, gains.bandwidth, gains.damping, law, *given)
@@ -207,8 +214,29 @@ class Tuning:
             return gain
         if named is True or named == "learning":
             given = self.torque_limits, self.gains.damping, self.control_period, self.reference
-            return learning_by_rule(model, gain, *given)
+            return learning_by_rule(model, gain, *given, self.delay)
         raise InputError(f"adaptation: expected True, False, 'learning' or 'gradient', got {named!r}")
+
+    @property
+    def delay(self) -> int:
+        """Control periods of a stated delay, at most 64."""
+        return delay_of(self.effects)
+
+    @cached_property
+    def _trials(self) -> Trials:
+        plant = plant_with(self.mechanism, self.control_period, self.torque_limits, self.effects)
+        return Trials(plant, self.reference, self.initial_error)
+
+    def _validate_gradient(self) -> None:
+        """Raise `VerdictError` if the gradient does not hold with the stated effects, of which no run has told."""
+        if not (self.effects and self._trials.possible):
+            return
+        run = gradient_run(self._trials, self.gains, self.adaptation)
+        if not holds(run):
+            raise VerdictError(
+                f"{self.mechanism.name}: the gradient fails with these effects ({run}): take the default law, or "
+                "the gradient anyway with anyway=True"
+            )
 
     @property
     def is_learning(self) -> bool:
@@ -252,6 +280,7 @@ def tune(
     adaptation_ratio: float = 0.5,
     search: int = 0,
     seed: int = 0,
+    effects: Iterable[Effect] = (),
 ) -> Tuning:
     """
     Choose a reference and gains for a robot and verify them in closed loop.
@@ -281,6 +310,10 @@ def tune(
         rules' choice, without their computing time.
     seed : int, default 0
         Seed of all random choices. Fixed, so that a tuning can be repeated.
+    effects : iterable of Effect, optional
+        What the robot is known to have, such as `ControlDelay(2)`, `Encoder(resolution)` with `FilteredDifferences`,
+        or `ElasticJoints`. The verified runs have these, and gains are lowered until they hold; the law is told of a
+        delay. Default: torques on time, exact measurements and rigid joints.
 
     Returns
     -------
@@ -306,25 +339,28 @@ def tune(
     >>> adaptctl.tune(arm, control_period=0.004, bandwidth=3.0).gains.bandwidth
     array([3., 3.])
     """
-    bandwidth, sampling_ratio = at_most("bandwidth", bandwidth, 1e3), at_most("sampling_ratio", sampling_ratio, 1.5)
-    adaptation_ratio, search = at_most("adaptation_ratio", adaptation_ratio, 1.0), whole_count(search, "search")
+    asked = Rates(at_most("bandwidth", bandwidth, 1e3), *_ratios(sampling_ratio, adaptation_ratio))
+    search, effects = whole_count(search, "search"), tuple(listed(effects))
     rule = DefaultGains.for_mechanism(
         mechanism, control_period=control_period, reference=reference, initial_error=initial_error, seed=seed
     )
-    first, limits = rule.proposed(bandwidth, sampling_ratio, adaptation_ratio, "mixed"), rule.limits
-    plant = _plant(mechanism, rule.control_period, tuple(limits.tolist()))
+    limits = rule.limits
+    plant = plant_with(mechanism, rule.control_period, limits, effects)
     trials = Trials(plant, rule.reference, rule.initial_error)
-    chosen = _searched(trials, rule, first, search, seed) if search and trials.possible else first
-    carried, gain = chosen.feasible, chosen.gain
+    asked = asked.lowered(late_share(trials.delay), rule.control_period)
+    first = rule.proposed(*asked, "mixed")
+    first = _searched(trials, rule, first, search, seed) if search and trials.possible else first
     model = base_model(mechanism) if trials.possible else None
-    verified = verifications(trials, model, carried.gains, gain, seed) if model is not None else ()
+    found = Held(first, ()) if model is None else held(trials, model, rule, asked, first, seed)
+    chosen, verified = found.proposal, found.verified
+    carried = chosen.feasible
     return Tuning(
         mechanism,
         rule.control_period,
         rule.reference,
         rule.initial_error,
         carried.gains,
-        gain,
+        chosen.gain,
         plant.substeps,
         plant.integrator,
         limits,
@@ -332,13 +368,13 @@ def tune(
         *rule.achieved(chosen),
         limitations(mechanism, carried),
         verified,
-        (*_notes(mechanism, rule.found, carried, plant), *_run_remarks(verified, model)),
+        (*_notes(mechanism, rule.found, carried, plant), *_run_remarks(verified, model), *found.notes),
+        effects,
     )
 
 
-@lru_cache(maxsize=8)
-def _plant(mechanism: Mechanism, control_period: float, limits: tuple[float, ...]) -> Plant:
-    return Plant(mechanism, control_period, *integration(mechanism, (), control_period), np.array(limits))
+def _ratios(sampling_ratio: float, adaptation_ratio: float) -> tuple[float, float]:
+    return at_most("sampling_ratio", sampling_ratio, 1.5), at_most("adaptation_ratio", adaptation_ratio, 1.0)
 
 
 def _searched(trials: Trials, rule: DefaultGains, first: Proposal, count: int, seed: int) -> Proposal:

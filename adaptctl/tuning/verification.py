@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -21,6 +21,8 @@ from adaptctl.errors import RankError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, where
 from adaptctl.simulation import Plant, Rollouts, simulate_many
+from adaptctl.simulation.effects.actuators import ControlDelay
+from adaptctl.simulation.effects.effect import Effect
 from adaptctl.simulation.whole_runs import whole
 from adaptctl.tuning.learning_rule import MAX_LEARNED, learning_by_rule
 
@@ -97,6 +99,11 @@ class Trials:
         return self._simulated(laws, settings, duration)
 
     @property
+    def delay(self) -> int:
+        """Control periods by which the plant's torques arrive late."""
+        return delay_of(self.plant.effects)
+
+    @property
     def start(self) -> Array:
         """Reference's first position (r,) in rad (m)."""
         first: Array = self.reference(np.zeros(1)).p[0]
@@ -105,13 +112,20 @@ class Trials:
     def _rule(self, model: ReducedModel, one: TrialSetting) -> GuardedLearning:
         gain, limits = mapped_gain(model, one.gain), np.asarray(self.plant.torque_limits)
         given = limits, one.damping, self.plant.control_period, self.reference
-        return learning_by_rule(model, gain, *given)
+        return learning_by_rule(model, gain, *given, self.delay)
 
     def _simulated(self, laws: list[Delayed], settings: list[TrialSetting], duration: float) -> Rollouts:
         parameters = np.array([one.parameters for one in settings])
         start: dict[str, Any] = {"parameters": parameters, "p": self.start + self.off, "v": np.zeros(self.plant.dof)}
         given = {"duration": duration, "record_every": RECORD_INTERVAL, **start}
+        if self.plant.effects:
+            given["seed"] = 0  # of what they measure wrongly
         return whole(simulate_many(self.plant, laws, self.reference, **given))
+
+
+def delay_of(effects: Iterable[Effect]) -> int:
+    """Control periods by which effects delay torques."""
+    return sum(effect.periods for effect in effects if isinstance(effect, ControlDelay))
 
 
 def base_model(mechanism: Mechanism) -> ReducedModel:
@@ -146,6 +160,7 @@ MAX_ERROR = 1.0  # rad (m)
 MAX_ERROR_RATIO = 1.0 / 3.0  # of the last error over the first, and over that with adaptation off
 MAX_LIMITED_SHARE = 0.05  # of the second half's samples with a torque at its limit
 LINK_ERROR = 0.3
+LATER = ("one-period delay", "both")  # cases whose torques come a period later
 SWITCHED_OFF = 1e-20  # share of a gain that adapts nothing
 
 
@@ -187,6 +202,11 @@ class Verification:
     unit: str = "mrad"
 
     @property
+    def is_later(self) -> bool:
+        """True if torques came a period later than is stated."""
+        return self.name in LATER
+
+    @property
     def is_bounded(self) -> bool:
         """True if errors stayed below 1 rad (m), and torques were limited in at most 5 % of the second half."""
         return self.max_error < MAX_ERROR and self.limited_share <= MAX_LIMITED_SHARE
@@ -218,8 +238,8 @@ def verifications(
     """Four verifications of 20 s, with the law that is the default for the model."""
     mechanism = trials.plant.mechanism
     own, other = mechanism.inertial_parameters, scaled_links(mechanism, LINK_ERROR, seed)
-    cases = [("nominal", own, False), ("one-period delay", own, True)]
-    cases += [(f"link errors ±{LINK_ERROR:.0%}", other, False), ("both", other, True)]
+    cases = [("nominal", own, False), (LATER[0], own, True)]
+    cases += [(f"link errors ±{LINK_ERROR:.0%}", other, False), (LATER[1], other, True)]
     settings = [
         TrialSetting(gains.bandwidth, gains.damping, share * gain, true, late)
         for _, true, late in cases
@@ -227,10 +247,11 @@ def verifications(
     ]
     learns = len(model.columns) <= MAX_LEARNED
     runs = trials.learn(model, settings, DURATION) if learns else trials.run(settings, DURATION)
-    return tuple(_verified(runs, [case[0] for case in cases], trials))
+    return tuple(verified(runs, [case[0] for case in cases], trials))
 
 
-def _verified(runs: Rollouts, names: list[str], trials: Trials) -> Iterator[Verification]:
+def verified(runs: Rollouts, names: list[str], trials: Trials) -> Iterator[Verification]:
+    """Verifications of runs, two each: with adaptation and without."""
     first, last, largest, limited = measures(runs, np.asarray(trials.plant.torque_limits))
     for k, name in enumerate(names):
         on, off = 2 * k, 2 * k + 1

@@ -1,0 +1,131 @@
+"""Gains that hold with the effects that a robot is known to have."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.control import Gains
+from adaptctl.control.gains.gain_design import largest_with_delay
+from adaptctl.dynamics import Mechanism
+from adaptctl.errors import InputError
+from adaptctl.identifiability import ReducedModel
+from adaptctl.simulation import Plant
+from adaptctl.simulation.effects.effect import Effect
+from adaptctl.simulation.effects.plant_effects import PlantEffects
+from adaptctl.simulation.integrator import integration
+from adaptctl.simulation.transmission import Transmission
+from adaptctl.tuning.default_gains import DefaultGains, Proposal
+from adaptctl.tuning.verification import (
+    DURATION,
+    MAX_ERROR_RATIO,
+    SWITCHED_OFF,
+    Trials,
+    TrialSetting,
+    Verification,
+    verifications,
+    verified,
+)
+
+HALVINGS = 7
+"""times that gains are halved before none hold"""
+LEAST_DAMPED = 4.0
+"""least decay rate of velocities over the bandwidth: critical damping"""
+
+
+class Rates(NamedTuple):
+    """Bandwidth in 1/s, sampling ratio and adaptation ratio that are asked for."""
+
+    bandwidth: float
+    sampling_ratio: float
+    adaptation_ratio: float
+
+    def lowered(self, share: float, control_period: float) -> Rates:
+        """Share of both ratios, and no more bandwidth than they damp."""
+        hold = share * self.sampling_ratio
+        most = hold / (LEAST_DAMPED * control_period)
+        return Rates(min(self.bandwidth, most) if share < 1.0 else self.bandwidth, hold, share * self.adaptation_ratio)
+
+
+class Held(NamedTuple):
+    """Proposal and its runs, with sentences on lower gains."""
+
+    proposal: Proposal
+    verified: tuple[Verification, ...]
+    notes: tuple[str, ...] = ()
+
+
+def plant_with(mechanism: Mechanism, control_period: float, limits: Array, effects: tuple[Effect, ...]) -> Plant:
+    """Plant of an arm with stated effects. Raises `InputError` for wrong effects."""
+    if not effects:
+        return _plant(mechanism, control_period, tuple(limits.tolist()))
+    found = PlantEffects.of(effects)
+    springs = None if found.elastic is None else Transmission.of(mechanism, found.elastic)
+    steps = integration(mechanism, found.joints, control_period, None, springs)
+    return Plant(mechanism, control_period, *steps, torque_limits=limits, effects=effects)
+
+
+@lru_cache(maxsize=8)
+def _plant(mechanism: Mechanism, control_period: float, limits: tuple[float, ...]) -> Plant:
+    return Plant(mechanism, control_period, *integration(mechanism, (), control_period), np.array(limits))
+
+
+def late_share(delay: int) -> float:
+    """Share of the ratios at a delay in periods: from two on, with the margin that they have at one."""
+    return min(1.0, largest_with_delay(delay) / largest_with_delay(1))
+
+
+def held(trials: Trials, model: ReducedModel, rule: DefaultGains, asked: Rates, first: Proposal, seed: int) -> Held:
+    """Highest gains that hold in all runs with the plant's effects, or else in the nominal run, or else the first."""
+    begun = Held(first, verifications(trials, model, first.feasible.gains, first.gain, seed))
+    if not trials.plant.effects or _hold(begun.verified, trials):
+        return begun
+    lower = list(_lower(trials, model, rule, asked, seed))
+    if lower and _hold(lower[-1].verified, trials):
+        return lower[-1]
+    narrow = next((one for one in (begun, *lower) if holds(one.verified[0])), None)
+    if narrow is None:
+        return begun._replace(notes=("with the stated effects no gains hold",))
+    return narrow._replace(notes=(*narrow.notes, "these do not hold in all four runs"))
+
+
+def _lower(trials: Trials, model: ReducedModel, rule: DefaultGains, asked: Rates, seed: int) -> Iterator[Held]:
+    """Lower and lower gains with their runs, up to those that hold in all."""
+    for k in range(1, HALVINGS + 1):
+        rates = asked.lowered(0.5**k, rule.control_period)
+        try:
+            proposal = rule.proposed(*rates, "mixed")
+        except InputError:  # no gains hold the arm
+            return
+        runs = verifications(trials, model, proposal.feasible.gains, proposal.gain, seed)
+        yield Held(proposal, runs, (_lowered(rates),))
+        if _hold(runs, trials):
+            return
+
+
+def _hold(runs: tuple[Verification, ...], trials: Trials) -> bool:
+    """True if all runs hold, of which a stated delay excuses those with a further one."""
+    return all(holds(run) for run in runs if not (trials.delay and run.is_later))
+
+
+def _lowered(rates: Rates) -> str:
+    return (
+        f"with the stated effects gains hold up to a bandwidth of {rates.bandwidth:.2g} 1/s, a sampling ratio of "
+        f"{rates.sampling_ratio:.2g} and an adaptation ratio of {rates.adaptation_ratio:.2g}: lowered to these"
+    )
+
+
+def gradient_run(trials: Trials, gains: Gains, gain: Array) -> Verification:
+    """Run of the gradient, from zero, with the plant's effects."""
+    true = trials.plant.mechanism.inertial_parameters
+    settings = [TrialSetting(gains.bandwidth, gains.damping, share * gain, true) for share in (1.0, SWITCHED_OFF)]
+    return next(verified(trials.run(settings, DURATION), ["gradient"], trials))
+
+
+def holds(run: Verification) -> bool:
+    """True if a run ends well below its first error, so that nothing swings."""
+    return run.is_bounded and run.final_rms_error <= MAX_ERROR_RATIO * run.initial_rms_error

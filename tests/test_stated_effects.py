@@ -1,0 +1,137 @@
+"""Gains for the effects that a robot is known to have."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from two_links import ARM
+
+import adaptctl
+from adaptctl.errors import InputError, VerdictError
+from adaptctl.simulation.effects import ControlDelay, ElasticJoints, Encoder, FilteredDifferences
+from adaptctl.tuning import stated_effects, tune, with_friction
+from adaptctl.tuning.stated_effects import Rates, held, holds, late_share
+from adaptctl.tuning.verification import Verification, base_model
+
+ASKED = Rates(4.0, 0.5, 0.4)
+CASES = 4
+
+
+def run(first: float, last: float, largest: float = 0.1) -> Verification:
+    return Verification("nominal", first, last, np.inf, largest, 0.0)
+
+
+GOOD, BAD = run(0.04, 0.01), run(0.04, 0.02)
+
+
+def test_lower_ratios_take_bandwidth_that_they_damp() -> None:
+    assert ASKED.lowered(1.0, 0.1) == ASKED
+    assert ASKED.lowered(0.5, 1e-3) == (4.0, 0.25, 0.2)
+    assert ASKED.lowered(0.5, 0.025) == (2.5, 0.25, 0.2)
+
+
+def test_a_run_holds_if_it_ends_below_a_third_of_its_first_error() -> None:
+    assert holds(GOOD)
+    assert not holds(BAD)
+    assert not holds(run(0.04, 0.01, 1.5))
+
+
+def test_from_two_periods_late_on_the_margin_is_that_at_one() -> None:
+    assert (late_share(0), late_share(1), late_share(2)) == pytest.approx((1.0, 1.0, 2.0 * np.sin(np.pi / 10.0)))
+
+
+def chosen(monkeypatch: pytest.MonkeyPatch, outcomes: list[tuple[Verification, ...]], delay: int = 0) -> Any:
+    """What is held where runs of lower and lower gains end so, the last of them again and again."""
+    left = iter(outcomes)
+    monkeypatch.setattr(stated_effects, "verifications", lambda *_: next(left, outcomes[-1]))
+    proposed = SimpleNamespace(proposed=lambda *rates: offered(rates[1]), control_period=1e-3)
+    trials: Any = SimpleNamespace(plant=SimpleNamespace(effects=(ControlDelay(delay),)), delay=delay)
+    model: Any = None
+    found = held(trials, model, proposed, ASKED, offered(0.5), 0)  # type: ignore[arg-type]
+    return found.proposal.gain, " ".join(found.notes)
+
+
+def offered(hold: float) -> Any:
+    return SimpleNamespace(gain=hold, feasible=SimpleNamespace(gains=None))
+
+
+def test_the_highest_gains_are_taken_that_hold_in_all_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert chosen(monkeypatch, [(GOOD,) * CASES]) == (0.5, "")
+    gain, told = chosen(monkeypatch, [(GOOD, BAD, GOOD, GOOD), (BAD,) * CASES, (GOOD,) * CASES])
+    assert gain == 0.125
+    assert "0.12" in told
+
+
+def test_gains_that_hold_in_the_nominal_run_alone_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    gain, told = chosen(monkeypatch, [(BAD,) * CASES, (GOOD, BAD, BAD, BAD)])
+    assert gain == 0.25
+    assert "four" in told
+
+
+def test_a_stated_delay_needs_to_hold_no_further_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    later = replace(BAD, name="both")
+    assert chosen(monkeypatch, [(GOOD, later)], delay=1)[0] == 0.5
+    assert chosen(monkeypatch, [(GOOD, later), (GOOD, GOOD)])[0] == 0.25
+
+
+def test_where_no_gains_hold_the_first_are_kept_and_it_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    gain, told = chosen(monkeypatch, [(BAD,) * CASES])
+    assert gain == 0.5
+    assert "no gains hold" in told
+
+
+def test_a_stated_delay_is_told_to_the_law_and_lowers_gains() -> None:
+    late = tune(ARM, effects=[ControlDelay(2)])
+    law: Any = late.controller(base_model(ARM)).adaptation
+    assert (late.delay, law.delay) == (2, 2)
+    assert late.sampling_ratio == pytest.approx(0.5 * late_share(2), rel=0.05)
+
+
+def test_what_is_no_effect_is_refused() -> None:
+    with pytest.raises(InputError, match="effects"):
+        tune(ARM, effects="late")
+    with pytest.raises(InputError, match="effects"):
+        tune(ARM, effects=[2])  # type: ignore[list-item]
+
+
+def so101() -> Any:
+    from adaptctl.contest.scene import loaded
+
+    return with_friction(loaded("{example-robot-data}/so_arm_description/urdf/so101.urdf"))
+
+
+@pytest.mark.nightly
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.RoundedAnglesWarning")
+def test_a_gradient_that_coarse_encoders_make_diverge_is_refused() -> None:
+    mechanism = so101()
+    counts = Encoder(resolution=2.0 * np.pi / 4096.0), FilteredDifferences(60.0)
+    tuning = tune(mechanism, effects=counts)
+    assert tuning.is_learning
+    with pytest.raises(VerdictError, match="gradient"):
+        tuning.controller(base_model(mechanism), "gradient")
+    assert tuning.controller(base_model(mechanism), "gradient", anyway=True).adaptation is not None
+
+
+@pytest.mark.nightly
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.RoundedAnglesWarning")
+def test_a_delay_that_no_gains_hold_is_refused() -> None:
+    with pytest.raises(VerdictError, match="fail"):
+        adaptctl.adaptive_controller(so101(), delay=8)
+
+
+@pytest.mark.nightly
+def test_gains_hold_with_stated_springs_or_are_refused() -> None:
+    """With encoders behind them, springs that hardly damp swing under any gains."""
+    rigid = tune(ARM)
+    soft, behind = (
+        tune(ARM, effects=[ElasticJoints(200.0, damping=0.1, motor_inertia=0.02, encoders=encoders)])
+        for encoders in ("motor", "link")
+    )
+    assert soft.is_learning
+    assert np.all(soft.gains.damping < 0.6 * rigid.gains.damping)
+    with pytest.raises(VerdictError):
+        behind.controller(base_model(ARM))
