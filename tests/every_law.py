@@ -82,6 +82,11 @@ def tool_impedance() -> dict[str, Any]:
     return {"tool_stiffness": [50.0, 40.0, 0, 0, 0, 2.0], "tool_damping": [2.0, 1.0, 0, 0, 0, 0.1]}
 
 
+def target_inertia() -> dict[str, Any]:
+    driven = {"inertia": 0.5, "tool_inertia": [3.0, 2.0, 0, 0, 0, 0.2], "force_cutoff": 300.0, "surroundings": 1.0}
+    return {**tool_impedance(), **driven, "tool_damping": [20.0, 10.0, 0, 0, 0, 1.0]}
+
+
 def linear(arm: Mechanism = ARM) -> LinearController:
     """Feedback of the error and of its filtered rate, with the torques that the reference asks for."""
     r, eye = arm.dof, np.eye(arm.dof)
@@ -125,6 +130,7 @@ def laws_on(model: ReducedModel, pair: ReducedModel) -> dict[str, Controller[Any
         "tool": on(model, gain, TaskSpaceSlotineLi, singularity=0.1, axes=axes, reference_in_joints=True),
         "tool in the world": on(model, gain, TaskSpaceSlotineLi, singularity=0.1, axes=(0, 1)),
         "joint impedance": on(pair, few, JointImpedance),
+        "target inertia": on(pair, few, TaskImpedance, delay=1, **target_inertia()),
         "impedance": on(pair, few, TaskImpedance, tank=3.0, most_force=5.0, delay=1, **tool_impedance()),
         "adaptive computed torque": AdaptiveComputedTorque(model, 6.0, 0.9 * true, gain),  # type: ignore[arg-type]
         "computed torque": ComputedTorque(arm, 6.0 * each, 0.8),

@@ -10,9 +10,10 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.control.controller import Controller
 from adaptctl.control.energy_tank import EnergyTank
+from adaptctl.control.impedance import JointImpedance
 from adaptctl.control.pytree import leaves, paths
 
-NAMES = ("torque", "dt", "q", "estimate", "moving", "tank")
+NAMES = ("torque", "dt", "q", "estimate", "moving", "tank", "felt", "acted")
 TANK = "controller_state"
 """part of a state that is an impedance's tank"""
 
@@ -35,8 +36,9 @@ class HeldState:
     """
 
     def __init__(self, controller: Controller[Any]) -> None:
-        self._controller, self._size = controller, 0
+        self._controller, self._size, self._law = controller, 0, _innermost(controller)
         self._places: dict[str, list[slice]] = {name: [] for name in NAMES}
+        inner = max((path.count(".inner") for path in paths(controller._blank)), default=0)
         for path, part in zip(paths(controller._blank), leaves(controller._blank), strict=True):
             here = slice(self._size, self._size + np.shape(part)[-1])
             parents, _, name = path.rpartition(".")
@@ -45,6 +47,10 @@ class HeldState:
                 self._places[name].append(here)
             if name in EnergyTank._fields and parents.endswith(TANK):
                 self._places["tank"].append(here)
+            if name == "torque" and own and parents.count(".inner") == inner:
+                self._places["acted"].append(here)
+            if name == "felt" and parents.endswith(TANK):
+                self._places["felt"].append(here)
             if name == "trusted" and parents.endswith(TANK):
                 self._places["estimate"].append(here)
             self._size = here.stop
@@ -66,6 +72,42 @@ class HeldState:
             Internal state.
         """
         return self._edited(state, torque=torque, dt=0.0)
+
+    @property
+    def feels(self) -> bool:
+        """True if the controller takes measured external torques, as an impedance without a tank does."""
+        return isinstance(self._law, JointImpedance) and self._law.tank is None
+
+    @property
+    def driven(self) -> bool:
+        """True if it needs them, since they drive a target inertia."""
+        return self.feels and self._law.force_cutoff is not None
+
+    def feeling(self, state: Any, torque: Array, external: Array) -> Any:
+        """
+        Return a state that knows of a measured external torque.
+
+        Parameters
+        ----------
+        state : tuple
+            Internal state of one arm.
+        torque : ndarray
+            Torque (r,) that was applied over the last period in N m (N).
+        external : ndarray
+            External torque (r,) on the arm in N m (N).
+
+        Returns
+        -------
+        tuple
+            Internal state: the torque drives a target inertia, and the arm's model is learned from what acted in all.
+
+        Examples
+        --------
+        >>> from adaptctl.control import HeldState
+        >>> HeldState(law).feeling(law.init(p, v), np.array([1.0, 2.0]), np.array([0.5, 0.0])).torque
+        array([1.5, 2. ])
+        """
+        return self._edited(state, felt=external, acted=torque + external)
 
     def unsettled(self, state: Any) -> Any:
         """
@@ -128,3 +170,7 @@ class HeldState:
         for place, value in changes:
             array[place] = value
         return self._controller._remembering(array)
+
+
+def _innermost(law: Any) -> Any:
+    return _innermost(law.inner) if hasattr(law, "inner") else law

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, positive_number, positive_per_joint, whole_number
+from adaptctl.arrays import Array, frozen_array, positive_number, positive_per_joint, stacked, whole_number
 from adaptctl.control.adaptation.guarded_learning import GuardedLearning
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory
 from adaptctl.control.adaptive import AdaptiveState
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.control.energy_tank import EnergyTank, full, opened, trusting
+from adaptctl.control.gains.force_feedback import DrivenLoop, FeltForce, validate_inertia
 from adaptctl.control.gains.sampling_ratio import (
     MAX_SAMPLING_RATIO,
     SamplingRatio,
@@ -22,14 +23,18 @@ from adaptctl.control.gains.sampling_ratio import (
     validate_sampling_ratio,
 )
 from adaptctl.control.gains.stiffness import MAX_DELAY, largest_stiffness
-from adaptctl.control.gains.workspace import Workspace, Worst
+from adaptctl.control.gains.workspace import Workspace, Worst, workspace_of
 from adaptctl.control.passivity_based import Instant, PassivityBased, ReferenceVelocity
+from adaptctl.control.pytree import either
+from adaptctl.control.target_motion import TargetMotion, at_rest
 from adaptctl.description.drive import DISSIPATIVE
-from adaptctl.errors import GainError
+from adaptctl.errors import GainError, InputError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, Scalar, column
 
 FRICTION = tuple(f".{kind.value}" for kind in DISSIPATIVE)
+POSTURES = 8
+"""number of the workspace's samples at which a target inertia is checked"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,13 +67,22 @@ class JointImpedance(PassivityBased):
         no limit.
     delay : int, default 0
         Control periods between a measurement and its torque.
+    inertia : array_like, optional
+        Target inertia M_d in kg m^2 (kg), one number, (r,) or a matrix (r, r). Default: the arm's own.
+    force_cutoff : float, optional
+        Corner frequency in rad/s of a filter of measured external torques, which then drive the target inertia: put
+        them in the state's `controller_state.felt`, as `HeldState.feeling` does. Default: the observer of `adaptation`.
+    surroundings : float, default 1e3
+        Stiffness in N m/rad (N/m) of what the arm may touch, up to which a target inertia is checked.
 
     Raises
     ------
     GainError
-        If the stiffness is above what the period carries, or the sampling ratio of the damping is above 1.5.
+        If the stiffness is above what the period carries, the sampling ratio of the damping is above 1.5, or the arm
+        would swing with the target inertia between springs.
     InputError
-        If a shape is wrong, a gain, limit, period or tank is not positive, or the adaptation law does not fit.
+        If a shape is wrong, a gain, limit, period or tank is not positive, the adaptation law does not fit, or a target
+        inertia has a tank or nothing that drives it.
 
     Notes
     -----
@@ -76,16 +90,22 @@ class JointImpedance(PassivityBased):
 
     .. math:: M\ddot e+(C+D)\dot e+Ke=\tau_e,\quad\tau=Y(p,v,v_d,\dot v_d)\hat\beta-Ke-D\dot e.
 
-    No force is measured, since the inertia stays the arm's own. :math:`V=\tfrac12\dot e'M\dot e+\tfrac12e'Ke+
+    No force is measured then, since the inertia stays the arm's own. :math:`V=\tfrac12\dot e'M\dot e+\tfrac12e'Ke+
     \tfrac12\tilde\beta'\Gamma^{-1}\tilde\beta` falls by :math:`\dot e'D\dot e` [1]_: at a resting reference the arm is
     passive while it learns. With a tank [2]_ a moving one is too: what held torques did beyond the gravity and
     friction of an estimate that is trusted is taken from it. When it is empty, the stiffness falls, and the weight
     that is held is the trusted one: the initial one, and what was learned while nothing was doubted for 3 s.
 
+    With a target inertia [3]_ a felt torque :math:`\hat\tau_e` moves a reference velocity, from which
+    :math:`s=v-v_r` of the learning law is counted:
+
+    .. math:: M_d(\dot v_r-\dot v_d)=\hat\tau_e-D\dot e-Ke,\quad\tau=Y(p,v,v_r,\dot v_r)\hat\beta-Ds-\hat\tau_e.
+
     References
     ----------
     .. [1] Slotine and Li, Int. J. Robotics Research, 1987.
     .. [2] Ferraguti, Secchi and Fantuzzi, IEEE Int. Conf. Robotics and Automation, 2013.
+    .. [3] Lu and Meng, IEEE Trans. Systems, Man, and Cybernetics, 1991.
 
     Examples
     --------
@@ -107,6 +127,9 @@ class JointImpedance(PassivityBased):
     torque_limits: ArrayLike | None = None
     tank: float | None = None
     delay: int = 0
+    inertia: ArrayLike | None = field(default=None, kw_only=True)
+    force_cutoff: float | None = field(default=None, kw_only=True)
+    surroundings: float = field(default=1e3, kw_only=True)
 
     def __post_init__(self) -> None:
         self._validate_model()
@@ -118,7 +141,10 @@ class JointImpedance(PassivityBased):
         if isinstance(self.adaptation, GuardedLearning):
             object.__setattr__(self, "adaptation", replace(self.adaptation, trial=False))
         self._settle()
+        self._settle_inertia()
         self._check_gains()
+        if self.inertia is not None:
+            self._check_inertia()
 
     def reference_velocity(
         self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
@@ -142,6 +168,8 @@ class JointImpedance(PassivityBased):
         ReferenceVelocity
             Desired velocity (r,) in rad/s (m/s), its derivative in time (r,), and the law's further internal state.
         """
+        if self.inertia is not None:
+            return self._driven(q, p, v, reference, memory)
         if self.tank is None:
             return ReferenceVelocity(reference.v, reference.a, NoMemory())
         energy = self._spring(q, p, reference.p)[1]
@@ -149,7 +177,10 @@ class JointImpedance(PassivityBased):
         return ReferenceVelocity(after.opening[0] * reference.v, after.opening[0] * reference.a, after)
 
     def _feedback(self, at: Instant, memory: AdaptiveState) -> tuple[Column, Any]:
-        spring, damper = self._spring(at.q, at.p, at.reference.p)[0], self._damper(at.q, at.s)
+        damper = self._damper(at.q, at.s)
+        if self.inertia is not None:
+            return damper + at.wanted.controller_state.force, at.wanted.controller_state
+        spring = self._spring(at.q, at.p, at.reference.p)[0]
         if self.tank is None:
             return spring + damper, NoMemory()
         after: EnergyTank = trusting(
@@ -161,6 +192,28 @@ class JointImpedance(PassivityBased):
             return opening * spring + damper, after
         unpaid = (1.0 - opening) * self._weight(at, at.parameters - trusted)
         return opening * spring + damper + unpaid, after
+
+    def _driven(
+        self, q: Column, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
+    ) -> ReferenceVelocity:
+        """Velocity of the target inertia, which begins at the arm's after a period from which nothing is learned."""
+        before: TargetMotion = memory.controller_state
+        force, rate = self._force(memory), v - reference.v
+        push = force - self._spring(q, p, reference.p)[0] - self._damper(q, rate)
+        a_r = reference.a + self._accelerated(q, v, rate, push)
+        v_r = either(memory.dt[0] > 0.0, before.velocity, v)
+        return ReferenceVelocity(v_r, a_r, TargetMotion(v_r + self.control_period * a_r, before.felt, force))
+
+    def _force(self, memory: AdaptiveState) -> Column:
+        """External torque (r,), measured or estimated."""
+        if self.force_cutoff is None:
+            return memory.law_state.touch.torque
+        keep, before = math.exp(-self.force_cutoff * self.control_period), memory.controller_state
+        return keep * before.force + (1.0 - keep) * before.felt
+
+    def _accelerated(self, q: Column, v: Column, rate: Column, push: Column) -> Column:
+        """Acceleration (r,) of the target inertia under a torque (r,), where the error moves at a rate (r,)."""
+        return Column(column(row) @ push for row in np.linalg.inv(np.asarray(self.inertia)))
 
     def _spring(self, q: Column, p: Column, goal: Column) -> tuple[Column, Scalar]:
         """Torque (r,) and energy of the springs towards positions (r,)."""
@@ -184,9 +237,67 @@ class JointImpedance(PassivityBased):
         return equations.motion(at.q, none, none, none).torque(parameters) + friction
 
     def _controller_state(self, p: Array, v: Array) -> Any:
+        if self.inertia is not None:
+            return at_rest(v)
         if self.tank is None:
             return NoMemory()
         return full(float(self.tank), p, v, np.asarray(self.initial))
+
+    def _settle_inertia(self) -> None:
+        """Check and freeze what belongs to a target inertia."""
+        positive_number(self.surroundings, "surroundings: expected a positive stiffness in N m/rad (N/m)")
+        if self.inertia is None:
+            if self.force_cutoff is not None:
+                raise InputError("force_cutoff: has no effect without a target inertia")
+            return
+        object.__setattr__(self, "inertia", self._settled_inertia(self.inertia))
+        if self.tank is not None:
+            raise InputError("tank: it counts what an impedance of the arm's own inertia gives: leave out one of both")
+        if self.force_cutoff is not None:
+            positive_number(self.force_cutoff, "force_cutoff: expected a positive frequency in rad/s")
+        elif getattr(self.adaptation_law, "external_torque", None) is None:
+            raise InputError(
+                "inertia: nothing tells the external torque: expected an adaptation of with_external_torque(...), or "
+                "force_cutoff for a measured one"
+            )
+
+    def _settled_inertia(self, given: ArrayLike) -> Array:
+        return _positive_definite(given, self.dof)
+
+    def _check_inertia(self) -> None:
+        """Raise `GainError` for a target inertia that the period does not carry."""
+        mechanism, observer = self.model.mechanism, getattr(self.adaptation_law, "external_torque", None)
+        samples = workspace_of(mechanism, self.workspace).samples
+        q = column(samples[:: max(1, len(samples) // POSTURES)])
+        own = FeltForce(self.force_cutoff, 1, self.delay) if self.force_cutoff else None
+        units, none = [column(unit) for unit in np.eye(self.dof)], Column.zeros(self.dof)
+
+        def matrices(columns: list[Column]) -> Array:
+            return np.stack([stacked(list(one), np.shape(q[0])) for one in columns], axis=-1)
+
+        loop = DrivenLoop(
+            mechanism.mass_matrix(np.stack(list(q), axis=-1)),
+            np.asarray(np.linalg.inv(matrices([self._accelerated(q, none, none, unit) for unit in units])), float),
+            matrices([self._damper(q, unit) for unit in units]),
+            matrices([self._linear_spring(q, unit) for unit in units]),
+            [matrices([self._touched(q, unit, along) for unit in units]) for along in self._surrounded],
+            self.control_period,
+            own or FeltForce(observer.cutoff, 2, self.delay),  # type: ignore[union-attr]
+        )
+        validate_inertia(mechanism.name, loop, self.surroundings)
+
+    def _linear_spring(self, q: Column, way: Column) -> Column:
+        """Torque (r,) of the springs after a short way (r,)."""
+        return column(self.stiffness) * way
+
+    @property
+    def _surrounded(self) -> Array:
+        """Stiffnesses of surroundings: along all axes, and along each."""
+        return np.concatenate((np.ones((1, self.dof)), np.eye(self.dof)))
+
+    def _touched(self, q: Column, way: Column, along: Array) -> Column:
+        """Torque (r,) of surroundings after a short way (r,)."""
+        return column(along) * way
 
     def _check_gains(self) -> None:
         """Raise `GainError` for a damping or stiffness that the period does not carry."""
@@ -227,3 +338,14 @@ def validate_stiffness(
         f"{damping[i]:g} carries at a control period of {control_period:g} s{late}; use at most that, more damping or "
         "a shorter period"
     )
+
+
+def _positive_definite(given: ArrayLike, r: int) -> Array:
+    """Target inertia (r, r)."""
+    values = np.asarray(given)
+    if values.ndim < 2:
+        return frozen_array(np.diag(positive_per_joint(given, r, "inertia")), (r, r), "inertia")
+    matrix = frozen_array(values, (r, r), "inertia")
+    if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(matrix).min() <= 0.0:
+        raise InputError(f"inertia: expected a positive definite matrix, got {matrix.tolist()}")
+    return matrix

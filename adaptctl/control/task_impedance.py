@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array, numbers, positive_number, stacked
+from adaptctl.arrays import Array, frozen_array, numbers, positive_number, positive_per_joint, stacked
 from adaptctl.control.gains.workspace import sampled_configurations, workspace_of
 from adaptctl.control.impedance import JointImpedance, validate_damping, validate_stiffness
 from adaptctl.description.places import tool_point
 from adaptctl.dynamics.recursion.kinematics import MovingPoint, frames, moving_point
 from adaptctl.dynamics.recursion.mass_matrix import Factors, factorised
 from adaptctl.errors import InputError
-from adaptctl.scalars import Column, Mat, Scalar, Vec, absolute, clip, column, dot
+from adaptctl.scalars import Column, Dual, Mat, Scalar, Vec, absolute, clip, column, dot
 
 MOST_FORCE = 1e9
 """N, for springs without a limit"""
@@ -73,11 +74,22 @@ class TaskImpedance(JointImpedance):
         Force in N, one number or (3,), beyond which a spring along an axis does not grow.
     singularity : float, default 0.02
         Effect of the joints on the tool, as a share of the arm's greatest, below which a direction counts as lost.
+    inertia : array_like, optional
+        Target inertia (r,) or one number in kg m^2 (kg), of motions that leave the tool where it is; with
+        `tool_inertia`. Default: the arm's own.
+    force_cutoff : float, optional
+        Corner frequency in rad/s of a filter of measured external torques, which then drive the target inertia: put
+        them in the state's `controller_state.felt`, as `HeldState.feeling` does. Default: the observer of `adaptation`.
+    surroundings : float, default 1e3
+        Stiffness in N/m of what the tool may touch, up to which a target inertia is checked.
+    tool_inertia : array_like, optional
+        Target inertia (6,) along and about the world's axes, in kg and kg m^2, where the tool has springs or dampers.
 
     Raises
     ------
     GainError
-        If a stiffness is above what the period carries, or the sampling ratio of the dampers is above 1.5.
+        If a stiffness is above what the period carries, the sampling ratio of the dampers is above 1.5, or the arm
+        would swing with the target inertia between springs.
     InputError
         If the mechanism has loops, a shape is wrong, a number out of range, or `JointImpedance` refuses it.
 
@@ -89,6 +101,8 @@ class TaskImpedance(JointImpedance):
     Jacobian is inverted: near a singularity the tool's spring loses its hold, and N gives the lost direction to the
     joints' own. With the rotation R from the desired to the actual pose, the moments are those of the energy
     :math:`\mathrm{tr}\,P(1-R)`, :math:`P=\tfrac12\mathrm{tr}(K_o)-K_o` [1]_, which grows up to half a turn.
+
+    The target inertia is :math:`J^\top M_xJ+NM_0N` in joints, and what turns with J' is taken from its torque.
 
     References
     ----------
@@ -112,6 +126,7 @@ class TaskImpedance(JointImpedance):
     tool: Array | None = None
     most_force: ArrayLike = np.inf
     singularity: float = 0.02
+    tool_inertia: Array | None = field(default=None, kw_only=True)
     _weights: ClassVar[tuple[float, ...]]
     _link: ClassVar[int]
 
@@ -128,6 +143,7 @@ class TaskImpedance(JointImpedance):
         for name, value in (("_link", index), ("link", link), ("tool", frozen_array(point, (3,), "tool"))):
             object.__setattr__(self, name, value)
         object.__setattr__(self, "_weights", self._weighed())
+        self._settle_tool_inertia()
         super().__post_init__()
 
     def _spring(self, q: Column, p: Column, goal: Column) -> tuple[Column, Scalar]:
@@ -137,10 +153,32 @@ class TaskImpedance(JointImpedance):
         return _torque(point, springs.force, springs.moment) + kept, springs.energy
 
     def _damper(self, q: Column, s: Column) -> Column:
-        point, D = self._moving(q), column(self.tool_damping)
-        still, speed, turn = self._still(point), point.velocity(s), point.angular_velocity(s)
-        force, moment = (Vec(*(D[i + j] * x for j, x in enumerate(rate))) for i, rate in ((0, speed), (3, turn)))
-        return _torque(point, force, moment) + still.solved(column(self.damping) * still.solved(s))
+        return self._along(self._moving(q), s, column(self.tool_damping), column(self.damping))
+
+    def _linear_spring(self, q: Column, way: Column) -> Column:
+        return self._along(self._moving(q), way, column(self.tool_stiffness), column(self.stiffness))
+
+    @property
+    def _surrounded(self) -> Array:
+        return np.pad(np.concatenate((np.ones((1, 3)), np.eye(3))), ((0, 0), (0, 3)))
+
+    def _touched(self, q: Column, way: Column, along: Array) -> Column:
+        return self._along(self._moving(q), way, column(along), Column.zeros(self.dof))
+
+    def _along(self, point: MovingPoint, x: Column, tool: Column, own: Column) -> Column:
+        """Torque (r,) of so much of x (r,) along the tool's axes (6,), and of the joints' motions (r,) beside it."""
+        still = self._still(point)
+        return _weighed(point, (*point.velocity(x), *point.angular_velocity(x)), tool) + still.solved(
+            own * still.solved(x)
+        )
+
+    def _accelerated(self, q: Column, v: Column, rate: Column, push: Column) -> Column:
+        point, Mx = self._moving(q), column(np.asarray(self.tool_inertia))
+        units, own = [column(unit) for unit in np.eye(self.dof)], column(np.asarray(self.inertia))
+        rows = [list(self._along(point, unit, Mx, own)) for unit in units]
+        turning = self._moving(Column(map(Dual, q, v)))
+        slopes = [x.slope for x in (*turning.velocity(rate), *turning.angular_velocity(rate))]
+        return factorised(rows).solved(push - _weighed(point, slopes, Mx))
 
     def _springs(self, q: Column, goal: Column) -> ToolSprings:
         """Forces of the springs between the pose at a goal (r,) and the tool's."""
@@ -166,6 +204,18 @@ class TaskImpedance(JointImpedance):
                 for j in range(i + 1):
                     gram[i][j] = gram[i][j] + (w * row[i]) * row[j]
         return factorised([[gram[max(i, j)][min(i, j)] for j in range(r)] for i in range(r)])
+
+    def _settle_tool_inertia(self) -> None:
+        if (self.tool_inertia is None) != (self.inertia is None):
+            raise InputError("tool_inertia: expected one with inertia, for motions that leave the tool where it is")
+        if self.tool_inertia is None:
+            return
+        object.__setattr__(self, "tool_inertia", _six(self.tool_inertia, "tool_inertia"))
+        if not np.array_equal(np.asarray(self.tool_inertia) > 0.0, np.asarray(self._weights) > 0.0):
+            raise InputError("tool_inertia: expected it above 0 where the tool has springs or dampers, and 0 elsewhere")
+
+    def _settled_inertia(self, given: ArrayLike) -> Array:
+        return positive_per_joint(given, self.dof, "inertia")
 
     def _check_gains(self) -> None:
         mechanism, T = self.model.mechanism, self.control_period
@@ -227,3 +277,9 @@ def _turning(R: Mat, stiffness: Column) -> tuple[Vec, Any]:
 def _torque(point: MovingPoint, force: Vec, moment: Vec) -> Column:
     """Torque (r,) J' w of a force and a moment."""
     return Column(dot(way, force) + dot(turn, moment) for way, turn in zip(point.columns, point.turns, strict=True))
+
+
+def _weighed(point: MovingPoint, rates: Sequence[Any], tool: Column) -> Column:
+    """Torque (r,) of a force and a moment, so much (6,) of six rates."""
+    x, y, z, a, b, c = (gain * rate for gain, rate in zip(tool, rates, strict=True))
+    return _torque(point, Vec(x, y, z), Vec(a, b, c))

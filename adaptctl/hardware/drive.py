@@ -12,6 +12,7 @@ from adaptctl.arrays import Array, positive_number
 from adaptctl.control import SafetyFilter
 from adaptctl.control.controller import Controller, Reference
 from adaptctl.control.references import validate_reference
+from adaptctl.control.wrench_torque import WrenchTorque
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, validate_kind
 from adaptctl.hardware.checks import (
@@ -27,7 +28,7 @@ from adaptctl.hardware.checks import (
 )
 from adaptctl.hardware.compensation import Compensation
 from adaptctl.hardware.driven_run import DrivenRun
-from adaptctl.hardware.force_sensor import ForceSensor, force_flags, sensor_of
+from adaptctl.hardware.force_sensor import ForceSensor, force_flags, sensor_of, validate_felt
 from adaptctl.hardware.gravity import GravityTorque
 from adaptctl.hardware.lead_in import led_in
 from adaptctl.hardware.loop import DriveLoop
@@ -105,8 +106,8 @@ def drive(
     ------
     InputError
         If the robot is another one than described, moves, stands outside its limits, would not be held by the
-        estimate, the reference leaves the limits, or a force sensor is silent, late or changes at rest. No torque was
-        sent then.
+        estimate, the reference leaves the limits, a force sensor is silent, late or changes at rest, or a controller
+        needs a measured force that the robot does not give. No torque was sent then.
     GainError
         If the damping is too high for the delay that the robot states. No torque was sent then.
     SingularityError
@@ -150,6 +151,7 @@ def drive(
     if (sensor := sensor_of(robot, force)) is not None:
         sensor.rest()
         now = standing(robot, measurements, names, limits)
+    validate_felt(guarded, sensor)
     path = led_in(reference, now.p, seconds, arm, limits, stopping, lead_in)
     tool = getattr(robot, "tool", None)
     weight = gravity if tool is None or hasattr(robot, "compensation") else GravityTorque(arm, tool)
@@ -167,6 +169,8 @@ def drive(
         loop = DriveLoop(robot, guarded, path, seconds, arm, limits, stopping, measurements, gravity, compensation)
         loop.log, loop.live, loop.max_error, loop.on_touch = logger, live, greatest, on_touch
         loop.mass_row, loop.sensor = mass_row, sensor
+        if sensor is not None and sensor.point is not None and loop.held_state.feels and arm.is_plain_tree:
+            loop.wrench_torque = WrenchTorque(arm)
         with stage(loop):
             loop.run(now, own, gravity(now.p) if from_zero else own)
         run = _result(loop, robot)

@@ -14,6 +14,7 @@ from adaptctl.control.controller import Reference, ReferencePoint
 from adaptctl.control.minimum_jerk import quintic
 from adaptctl.control.ringing import correlation
 from adaptctl.control.transitions import point_at
+from adaptctl.control.wrench_torque import WrenchTorque
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.joint_units import error_unit
 from adaptctl.errors import NonFiniteError
@@ -66,6 +67,7 @@ class DriveLoop:
     max_error: float = 0.3
     on_touch: Reaction = "ignore"
     sensor: ForceSensor | None = None
+    wrench_torque: WrenchTorque | None = None
     mass_row: Array | None = None  # (k,), of a payload's mass in kg by changes of the estimate
 
     def __init__(
@@ -261,7 +263,7 @@ class DriveLoop:
     def _torque(self, reading: RobotReading, point: ReferencePoint) -> tuple[Array, Any]:
         """Torque (r,) for the arm, and the controller's next state."""
         if self.stop is not None:
-            state = self.held_state.without_learning(self.stop.state, self.applied)
+            state = self._told(self.held_state.without_learning(self.stop.state, self.applied), reading)
             torque, after = self.controller.step(state, reading.p, reading.v, point)
             if after.flags.stopped[0] or (np.abs(reading.p - point.p) > self.max_error).any():
                 self._robot_stops(f"{self.stop.reason}; and the planned stop failed")
@@ -270,13 +272,20 @@ class DriveLoop:
             self.stop = replace(self.stop, state=after)
             return torque, after
         try:
-            torque, after = self.controller.step(self.state, reading.p, reading.v, point)
+            torque, after = self.controller.step(self._told(self.state, reading), reading.p, reading.v, point)
         except NonFiniteError:
             self._begin_stop("the estimate is not finite", reading, point)
             return self._torque(reading, self._point(reading))
         if self.time < RAMP:
             torque = torque + (1.0 - _risen(self.time / RAMP)) * self.offset
         return torque, after
+
+    def _told(self, state: Any, reading: RobotReading) -> Any:
+        """State that knows the torques of a measured wrench, where its point is known."""
+        if self.wrench_torque is None or self.sensor is None or self.sensor.point is None:
+            return state
+        external = self.wrench_torque(reading.p, self.sensor.wrench, self.sensor.point)
+        return self.held_state.feeling(state, self.applied, external)
 
     def _write(self, sent: Array) -> None:
         if self.ended:
@@ -291,7 +300,7 @@ class DriveLoop:
         self.applied = applied
         if self.stop is None or self.stop.yields or self.stop.feels:
             self.feeling.feel(after, self.time, self.sensor)
-        pressed = self.sensor is not None and self.sensor.pressed > 0.0
+        pressed = self.sensor is not None and self.sensor.pressed > 0.0 and self.wrench_torque is None
         self.learning = sound and self.stop is None and self.time >= RAMP and not pressed
         self.state = after if self.learning else self.held_state.without_learning(after, applied)
         if self.stop is not None:

@@ -118,8 +118,9 @@ class MuJoCoRobot:
         return RobotReading(self._count * self.period, self._state.p, self._state.v, self._torque)
 
     def _measured_force(self) -> ForceReading:
-        """Force on the arm by contacts."""
-        return ForceReading(self._count * self.period, self.plant._scene.touch()[:3])
+        """Force on the arm by contacts, as one on the last link."""
+        touch = self.plant._scene.touch()
+        return ForceReading(self._count * self.period, touch[:3], point=touch[3:])
 
     def write(self, torque: Array) -> None:
         """

@@ -14,10 +14,13 @@ from numpy.typing import NDArray
 
 from adaptctl.arrays import Array, frozen, whole_count
 from adaptctl.control.controller import Controller, ReferencePoint
+from adaptctl.control.held_state import HeldState
+from adaptctl.control.wrench_torque import WrenchTorque
 from adaptctl.description import Joint
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import DivergedRunWarning, InputError, validate_kind
 from adaptctl.simulation.closed_loop import guards
+from adaptctl.simulation.mujoco_plant import TOUCH_FLAGS
 from adaptctl.simulation.references import REFERENCE
 from adaptctl.simulation.run import Rollout
 
@@ -192,6 +195,9 @@ class _SteppedRun:
         self._state = controller.init(p, v)
         controller.step(self._state, p, v, reference)  # pure: it is compiled now, before the clock starts
         self.count, self.terminated, self.truncated = 0, False, False
+        self._held_state, self._wrench_torque = HeldState(controller), None
+        if self._held_state.driven:
+            self._wrench_torque = WrenchTorque(_measuring(env, self._info))
         self._true = "p" in self._info and "v" in self._info
         self._flags = (*self._info.get("flags", ()), *getattr(guards(self._state), "_fields", ()))
         self._widths = {"observed": len(self._kept), "true": 2 * p.size if self._true else 0}
@@ -201,7 +207,8 @@ class _SteppedRun:
 
     def tick(self) -> None:
         p, v, reference = self._read()
-        torque, state = self._controller.step(self._state, p, v, reference)
+        before = self._state if self._wrench_torque is None else self._felt(self._wrench_torque, p)
+        torque, state = self._controller.step(before, p, v, reference)
         observation, reward, terminated, truncated, info = self._env.step(torque)
         if (row := self._kept_samples.row(self.count)) is not None:
             self._keep(row, torque, state, float(reward), info)
@@ -209,6 +216,12 @@ class _SteppedRun:
         self._observation = np.asarray(observation, dtype=np.float64)
         self.terminated, self.truncated = bool(terminated), bool(truncated)
         self.count += 1  # last, so that an interrupted sample does not count
+
+    def _felt(self, wrench_torque: WrenchTorque, p: Array) -> Any:
+        """State that knows the force of the contacts."""
+        touch = np.array([self._info["flags"][name] for name in TOUCH_FLAGS])
+        external = wrench_torque(p, np.append(touch[:3], np.zeros(3)), touch[3:])
+        return self._held_state.feeling(self._state, self._info.get("applied_torque", 0.0 * p), external)
 
     def _keep(self, row: int, torque: Array, state: Any, reward: float, info: dict[str, Any]) -> None:
         """Store a sample; memory doubles when full."""
@@ -249,6 +262,17 @@ class _SteppedRun:
     def _read(self) -> tuple[Array, Array, ReferencePoint]:
         p, v, *reference = (self._observation[part] for part in self._parts)
         return p, v, ReferencePoint(*reference)
+
+
+def _measuring(env: gymnasium.Env[Any, Any], info: Mapping[str, Any]) -> Mechanism:
+    """Mechanism of an environment that tells the forces of contacts."""
+    mechanism = getattr(getattr(env.unwrapped, "plant", None), "mechanism", None)
+    if not isinstance(mechanism, Mechanism) or not set(TOUCH_FLAGS) <= set(info.get("flags", ())):
+        raise InputError(
+            f"{env}: tells no force of contacts, which drives the target inertia of the controller: leave out "
+            "force_cutoff, and give it an adaptation of with_external_torque(...)"
+        )
+    return mechanism
 
 
 def interface(env: gymnasium.Env[Any, Any], controller: Controller[Any]) -> tuple[list[slice], float]:
