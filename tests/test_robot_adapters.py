@@ -55,7 +55,7 @@ class SimulatedVendor:
         p, v = self.robot._state.p.tolist(), self.robot._state.v.tolist()
         return SimpleNamespace(
             q=p, dq=v, tau_J_d=self.robot._torque.tolist(), O_ddP_O=[0.0] * 3, F_x_Ctotal=[0.0] * 3, m_total=0.0,
-            I_total=[0.0] * 9,
+            I_total=[0.0] * 9, O_F_ext_hat_K=[3.0, -1.0, 12.0, 0.5, 0.0, 0.0],
         )  # fmt: skip
 
     def read_once(self) -> SimpleNamespace:
@@ -103,6 +103,12 @@ class SimulatedVendor:
 
     def getPayloadInertia(self) -> list[float]:
         return [0.0] * 6
+
+    def getActualTCPForce(self) -> list[float]:
+        return [3.0, -1.0, 12.0, 0.5, 0.0, 0.2]
+
+    def getActualTCPPose(self) -> list[float]:
+        return [0.4, 0.1, 0.3, 0.0, 3.1, 0.0]
 
     def initPeriod(self) -> int:
         return 1
@@ -168,6 +174,28 @@ def test_ur_knows_its_payload_and_stops_where_it_changes(vendor: SimulatedVendor
         robot.read()
     vendor.robot = MuJoCoRobot(ARM, 2e-3, CENTER, compensates_gravity=True)
     assert URRobot("robot", LIMITS).tool[0] == 0.5
+
+
+@pytest.mark.parametrize("vendor", [1e-3], indirect=True)
+def test_franka_feels_what_it_estimates_if_asked(vendor: SimulatedVendor) -> None:
+    assert not hasattr(FrankaRobot("robot", limits=LIMITS), "force")
+    robot = FrankaRobot("robot", limits=LIMITS, feels_force=True)
+    now, reading = robot.read().time, robot.force()
+    assert (reading.time, reading.point) == (now, None)
+    assert reading.force.tolist() == [3.0, -1.0, 12.0]
+
+
+@pytest.mark.parametrize("vendor", [2e-3], indirect=True)
+def test_ur_measures_a_wrench_in_the_axes_of_its_description(vendor: SimulatedVendor) -> None:
+    assert not hasattr(URRobot("robot", LIMITS), "force")
+    robot = URRobot("robot", LIMITS, force_sensor=True)
+    now, reading = robot.read().time, robot.force()
+    assert reading.time == now
+    for found, wanted in zip(reading[1:], ([-3.0, 1.0, 12.0], [-0.5, 0.0, 0.2], [-0.4, -0.1, 0.3]), strict=True):
+        assert found == pytest.approx(wanted)
+    same = URRobot("robot", LIMITS, force_sensor=True, base_turn=0.0)
+    same.read()
+    assert same.force().point == pytest.approx([0.4, 0.1, 0.3])
 
 
 def test_a_simulated_arm_stands_within_its_range_and_away_from_its_ends() -> None:

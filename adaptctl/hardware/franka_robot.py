@@ -10,6 +10,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.errors import InputError
+from adaptctl.hardware.force_sensor import ForceReading
 from adaptctl.hardware.robot import HardwareLimits, RobotReading
 from adaptctl.optional_packages import needed
 
@@ -41,6 +42,9 @@ class FrankaRobot:
         itself when commands are late.
     limits : HardwareLimits, optional
         Limits. Default: those of a Research 3.
+    feels_force : bool, default False
+        True to have a method `force`: the robot's own estimate of the force on its tool (`O_F_ext_hat_K`). It is felt
+        as a touch, and drives no law, since it has the errors of the vendor's model of the arm.
 
     Raises
     ------
@@ -62,7 +66,14 @@ class FrankaRobot:
     period, compensates_gravity, delay = 1e-3, True, 1e-3
 
     @needed("FrankaRobot")
-    def __init__(self, address: str, real_time: bool = True, limits: HardwareLimits = FR3_LIMITS) -> None:
+    def __init__(
+        self,
+        address: str,
+        real_time: bool = True,
+        limits: HardwareLimits = FR3_LIMITS,
+        *,
+        feels_force: bool = False,
+    ) -> None:
         import pylibfranka  # type: ignore[import-not-found,unused-ignore]
 
         self._client, self.limits = pylibfranka, limits
@@ -76,6 +87,8 @@ class FrankaRobot:
         self._active: Any = None
         self._state: Any = None
         self._time = 0.0
+        if feels_force:
+            self.force = self._estimated_force
         with suppress(Exception):  # robots of before libfranka 0.14 have none, and the description's is taken
             self._model = self._robot.load_model()
 
@@ -160,6 +173,10 @@ class FrankaRobot:
         state = self._robot.read_once()
         place = np.array(state.F_x_Ctotal) + np.array([0.0, 0.0, FLANGE])
         return from_center_of_mass(state.m_total, place, np.array(state.I_total).reshape(3, 3))
+
+    def _estimated_force(self) -> ForceReading:
+        """Force on the tool as the robot estimates it, in the axes of its base."""
+        return ForceReading(self._time, np.array(self._state.O_F_ext_hat_K)[:3])
 
     def _send(self, torque: Array, finished: bool) -> None:
         command = self._client.Torques(torque.tolist())

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, real_number
 from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.errors import InputError
+from adaptctl.hardware.force_sensor import ForceReading
 from adaptctl.hardware.robot import HardwareLimits, RobotReading
 from adaptctl.optional_packages import needed
 
@@ -27,6 +28,10 @@ class URRobot:
         Address of the robot, with PolyScope 5.23 or newer.
     limits : HardwareLimits
         Limits, such as those of the arm's description.
+    force_sensor : bool, default False
+        True to have a method `force`: force and moment at the tool center point of the sensor in an e-series wrist.
+    base_turn : float, default pi
+        Angle in rad about z from the axes of the robot's base to those of the description's: half a turn in ROS's.
 
     Raises
     ------
@@ -49,7 +54,14 @@ class URRobot:
     period, compensates_gravity, delay = 1 / 500, True, 2e-3
 
     @needed("URRobot")
-    def __init__(self, address: str, limits: HardwareLimits) -> None:
+    def __init__(
+        self,
+        address: str,
+        limits: HardwareLimits,
+        *,
+        force_sensor: bool = False,
+        base_turn: float = np.pi,
+    ) -> None:
         import rtde_control  # type: ignore[import-not-found,unused-ignore]
         import rtde_receive  # type: ignore[import-not-found,unused-ignore]
 
@@ -61,6 +73,9 @@ class URRobot:
         except Exception as error:  # the client raises the standard library's of C++
             raise InputError(f"{address}: no UR robot: {' '.join(str(error).split())}") from error
         self._payload, self._tick = self._told(), None
+        self._time, self._turn = 0.0, real_number(base_turn, "base_turn")
+        if force_sensor:
+            self.force = self._measured_force
 
     def read(self) -> RobotReading:
         """
@@ -77,6 +92,7 @@ class URRobot:
         if self._told() != self._payload:
             raise RuntimeError("the payload set at the robot changed during the run")
         time, p, v = self._receive.getTimestamp(), self._receive.getActualQ(), self._receive.getActualQd()
+        self._time = time
         return RobotReading(time, np.array(p), np.array(v))
 
     def write(self, torque: Array) -> None:
@@ -107,6 +123,14 @@ class URRobot:
         xx, yy, zz, xy, xz, yz = inertia
         tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         return from_center_of_mass(mass, center, tensor)
+
+    def _measured_force(self) -> ForceReading:
+        """Force and moment at the tool center point, in the description's axes."""
+        wrench, pose = self._receive.getActualTCPForce(), self._receive.getActualTCPPose()
+        cos, sin = np.cos(self._turn), np.sin(self._turn)
+        turned = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        force, moment, point = (turned @ part for part in (wrench[:3], wrench[3:], pose[:3]))
+        return ForceReading(self._time, force, moment, point)
 
     def _told(self) -> tuple[float, tuple[float, ...], tuple[float, ...]]:
         """Payload set at the robot: mass, centre and inertia."""
