@@ -16,20 +16,20 @@ from adaptctl.control.excitation.excitation_trajectory import _Best
 from adaptctl.hardware import MuJoCoRobot
 from adaptctl.hardware.loop import DriveLoop
 from adaptctl.identification.robot_motion import RobotLimits, exciting_motion
-from adaptctl.simulation.simulate_many import _Runs
+from adaptctl.tuning import trial_runs
 
 
 def test_ctrl_c_in_a_verification_is_no_verdict_and_moves_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     moved: list[str] = []
-    advance = _Runs.advance
+    advanced = trial_runs._advanced
 
-    def interrupted(runs: Any) -> None:
-        advance(runs)
+    def interrupted(*given: Any) -> Any:
         signal.raise_signal(signal.SIGINT)
+        return advanced(*given)
 
-    monkeypatch.setattr(_Runs, "advance", interrupted)
+    monkeypatch.setattr(trial_runs, "_advanced", interrupted)
     monkeypatch.setattr(MuJoCoRobot, "start", lambda *_: moved.append("started"))
     drive = ["drive", "mujoco", "two_link", "--robot", "two_link", "--duration", "1"]
     code = main([*drive, "--out", str(tmp_path / "run")])

@@ -19,11 +19,13 @@ from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError, SimplificationWarning
 from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation import LinearlyImplicitEuler, Plant, simulate_many
+from adaptctl.simulation.closed_loop import ClosedLoop
 from adaptctl.tuning import Tuning, tune
 from adaptctl.tuning.default_gains import DefaultGains, achieved_adaptation_ratio
 from adaptctl.tuning.feasible_gains import feasible_gains
 from adaptctl.tuning.feasible_reference import judged_reference
-from adaptctl.tuning.verification import RECORD_INTERVAL, Trials, TrialSetting
+from adaptctl.tuning.trial_runs import RECORD_INTERVAL
+from adaptctl.tuning.verification import Trials, TrialSetting
 from tests.random_trees import random_chain, random_tree
 from tests.robot_files import urdf
 
@@ -163,6 +165,9 @@ def test_a_trial_is_slotine_and_li_on_the_reduced_model(kind: str) -> None:
     assert 1e-9 < np.abs(ours.p[:, 1] - theirs.p[:, 0]).max() < 0.05
     held = ours.applied[0, 1]
     np.testing.assert_array_equal(held, np.zeros(2))  # nothing is commanded before the first tick
+    compiled = ClosedLoop.compiled.cache_info().misses
+    ClosedLoop(plant, law).compiled()
+    assert ClosedLoop.compiled.cache_info().misses == compiled + (not learns)  # a user's runs have the trials' code
 
 
 @nightly

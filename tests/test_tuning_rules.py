@@ -37,7 +37,7 @@ def run_of(error: list[np.ndarray], applied: np.ndarray | None = None) -> Any:
     torque = np.zeros_like(stacked) if applied is None else applied
     return SimpleNamespace(
         time=0.05 * np.arange(len(stacked)), error=stacked, applied=torque,
-        finite=np.isfinite(stacked).all(axis=(0, 2)), largest_error=np.nanmax(np.abs(stacked), axis=0),
+        largest_error=np.abs(stacked).max(axis=0),
     )  # fmt: skip
 
 
@@ -57,7 +57,7 @@ def test_a_run_is_judged_by_its_first_second_its_last_two_and_its_second_half() 
 def test_runs_with_and_without_adaptation_are_told_in_pairs() -> None:
     flat = [np.full(400, x) for x in (0.01, 0.02, 0.03, 1.5)]
     trials: Any = SimpleNamespace(plant=SimpleNamespace(mechanism=ARM, torque_limits=LIMITS))
-    one, other = verified(run_of(flat), ["nominal", "late"], trials)
+    one, other = verified(run_of(flat[::2]), run_of(flat[1::2]), ["nominal", "late"], trials)
     assert (one.name, one.final_rms_error, one.final_rms_error_adaptation_off) == pytest.approx(("nominal", 0.01, 0.02))
     assert (other.name, other.max_error) == pytest.approx(("late", 0.03))
     assert other.final_rms_error_adaptation_off == np.inf  # an error beyond 1 rad

@@ -81,6 +81,7 @@ class SlotineLi(PassivityBased):
     """
 
     tunable: ClassVar[tuple[str, ...]] = ("bandwidth", "damping", "initial")
+    unread: ClassVar[tuple[str, ...]] = ("workspace", "prior")
 
     model: ReducedModel
     bandwidth: Array

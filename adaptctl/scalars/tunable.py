@@ -110,6 +110,8 @@ class Tunable:
 
     sparse: ClassVar[tuple[str, ...]] = ()
     """Those arrays (n,) whose zeros are compiled in; inherited."""
+    unread: ClassVar[tuple[str, ...]] = ()
+    """Those attributes that no equation reads, such as what only checks need; inherited."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -315,7 +317,7 @@ class Tunable:
         """Identity of these settings' native code, without tunable numbers."""
         parts = self.tunable_parts
         shapes = tuple((name, array.shape, self._zeros(name, array)) for name, array in self.numbers.items())
-        fixed = [(name, value) for name, value in self._settings() if name not in parts]
+        fixed = [(name, value) for name, value in self._settings() if name not in parts and name not in self.unread]
         rest = tuple((name, _key(value)) for name, value in fixed if name not in self.tunable or value is None)
         return Structure(self, (type(self), shapes, rest, tuple((name, of.structure) for name, of in parts.items())))
 

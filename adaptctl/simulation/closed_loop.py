@@ -16,16 +16,19 @@ from adaptctl.arrays import Array, whole_number
 from adaptctl.caching import cached_property, sent_as_made
 from adaptctl.compilation import Ensemble, Stepper, compile_step
 from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
+from adaptctl.control.adaptive import AdaptiveState
 from adaptctl.control.controller import GAINS, Controller, Reference, ReferencePoint
 from adaptctl.control.pytree import leaves, like
 from adaptctl.dynamics.equations import ClosedPositions
 from adaptctl.errors import InputError, validate_kind
-from adaptctl.scalars import Column, Structure
+from adaptctl.scalars import Column, Structure, where
 from adaptctl.simulation.period import PlantState
 from adaptctl.simulation.plant import Plant
 from adaptctl.simulation.references import REFERENCE
 
 _NOTHING = (Column(()), Column(()))
+LATE = "late"
+"""column of 1 where torques act a period late, in a single loop of a controller that remembers its last torque"""
 
 
 class Sample(NamedTuple):
@@ -138,6 +141,9 @@ class ClosedLoop:
         observed = measured if self._senses else exact
         law = self.controller.substituted(columns[GAINS]) if GAINS in columns else self.controller
         torque, after = law.law(*observed, reference, memory)
+        if LATE in columns:
+            late = columns[LATE][0] > 0.5
+            torque = Column(where(late, old, new) for old, new in zip(memory.torque, torque, strict=True))
         outcome = self.plant.equation({**columns, "torque": torque})
         next_measured = (outcome.measured_p, outcome.measured_v) if self._senses else _NOTHING
         flags = Column((*outcome.flags, *(flag[0] for flag in guards(after))))
@@ -185,7 +191,8 @@ class ClosedLoop:
             If the controller's law cannot be traced into an expression graph.
         """
         shared, name = self.reference | self.noise, type(self.controller).__name__
-        return compile_step(self.step, state=self.state, constants=self.held, inputs=shared, lanes=1, name=name)
+        held = self.held | ({LATE: 1} if isinstance(self._blank, AdaptiveState) else {})
+        return compile_step(self.step, state=self.state, constants=held, inputs=shared, lanes=1, name=name)
 
     def step(self, **columns: Column) -> tuple[Any, ...]:
         """

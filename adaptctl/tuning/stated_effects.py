@@ -23,10 +23,10 @@ from adaptctl.tuning.default_gains import DefaultGains, Proposal
 from adaptctl.tuning.verification import (
     DURATION,
     MAX_ERROR_RATIO,
-    SWITCHED_OFF,
     Trials,
     TrialSetting,
     Verification,
+    base_model,
     verifications,
     verified,
 )
@@ -122,8 +122,9 @@ def _lowered(rates: Rates) -> str:
 def gradient_run(trials: Trials, gains: Gains, gain: Array) -> Verification:
     """Run of the gradient, from zero, with the plant's effects."""
     true = trials.plant.mechanism.inertial_parameters
-    settings = [TrialSetting(gains.bandwidth, gains.damping, share * gain, true) for share in (1.0, SWITCHED_OFF)]
-    return next(verified(trials.run(settings, DURATION), ["gradient"], trials))
+    settings = [TrialSetting(gains.bandwidth, gains.damping, gain, true)]
+    off = trials.without(base_model(trials.plant.mechanism), settings, DURATION)
+    return next(verified(trials.run(settings, DURATION), off, ["gradient"], trials))
 
 
 def holds(run: Verification) -> bool:

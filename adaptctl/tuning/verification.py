@@ -2,63 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
 from adaptctl.control import Gains, GuardedLearning, SlotineLi, mapped_gain
-from adaptctl.control.adaptive import AdaptiveState
-from adaptctl.control.controller import Controller, Reference, ReferencePoint
+from adaptctl.control.controller import Reference
 from adaptctl.control.gains.workspace import Workspace
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.joint_units import error_unit
 from adaptctl.errors import RankError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, where
-from adaptctl.simulation import Plant, Rollouts, simulate_many
+from adaptctl.simulation import Plant
 from adaptctl.simulation.effects.actuators import ControlDelay
 from adaptctl.simulation.effects.effect import Effect
-from adaptctl.simulation.whole_runs import whole
 from adaptctl.tuning.learning_rule import MAX_LEARNED, learning_by_rule
-
-RECORD_INTERVAL = 50  # control periods
-
-
-@dataclass(frozen=True, eq=False)
-class Delayed(Controller[AdaptiveState]):
-    """Slotine and Li's law with torques a period late where `delayed` is 1."""
-
-    tunable = ("delayed",)
-
-    inner: SlotineLi
-    delayed: float = 0.0
-
-    @property
-    def dof(self) -> int:
-        """Number r of joints."""
-        return self.inner.dof
-
-    @property
-    def neutral_configuration(self) -> Array:
-        """Neutral positions (r,) in rad (m)."""
-        return self.inner.neutral_configuration
-
-    def initial_state(self, p: Array, v: Array) -> AdaptiveState:
-        """Wrapped law's initial state."""
-        return self.inner.initial_state(p, v)
-
-    def law(
-        self, p: Column, v: Column, reference: ReferencePoint, memory: AdaptiveState
-    ) -> tuple[Column, AdaptiveState]:
-        """Torque of this or the last period, and the next state."""
-        _, after = self.inner.law(p, v, reference, memory)
-        late = self.delayed > 0.5
-        return Column(where(late, old, new) for old, new in zip(memory.torque, after.torque, strict=True)), after
+from adaptctl.tuning.trial_runs import TrialRuns, run_trials
 
 
 class TrialSetting(NamedTuple):
@@ -84,19 +48,24 @@ class Trials:
         """True up to 100 links."""
         return len(self.plant.mechanism.links) <= MAX_COMPILED_LINKS
 
-    def run(self, settings: list[TrialSetting], duration: float) -> Rollouts:
-        """Runs of all settings together, with the gradient on all parameters."""
+    def run(self, settings: Sequence[TrialSetting], duration: float) -> TrialRuns:
+        """Runs of settings, with the gradient on all parameters."""
         law = _law(self.plant, tuple(self.start.tolist()))
-        laws = [law.having(_numbers(law, one, {"adaptation.gain": one.gain})) for one in settings]
+        laws = [law.having(_feedback(one) | {"adaptation.gain": one.gain}) for one in settings]
         return self._simulated(laws, settings, duration)
 
-    def learn(self, model: ReducedModel, settings: list[TrialSetting], duration: float) -> Rollouts:
-        """Runs of all settings together, with the default learning law on the parameters of a model."""
-        rules = [self._rule(model, one) for one in settings]
-        law = Delayed(_slotine_li(self.plant, self.start, model, rules[0]))
-        numbers = ({f"adaptation.{name}": value for name, value in rule.numbers.items()} for rule in rules)
-        laws = [law.having(_numbers(law, one, more)) for one, more in zip(settings, numbers, strict=True)]
-        return self._simulated(laws, settings, duration)
+    def learn(self, model: ReducedModel, settings: Sequence[TrialSetting], duration: float) -> TrialRuns:
+        """Runs of settings with the same gains, with the default learning law on the parameters of a model."""
+        one = settings[0]
+        given = np.asarray(self.plant.torque_limits), one.damping, self.plant.control_period, self.reference
+        rule = learning_by_rule(model, mapped_gain(model, one.gain), *given, self.delay)
+        law = _slotine_li(self.plant, self.start, model, rule).having(_feedback(one))
+        return self._simulated([law] * len(settings), settings, duration)
+
+    def without(self, model: ReducedModel, settings: Sequence[TrialSetting], duration: float) -> TrialRuns:
+        """Runs of settings with the same gains, without adaptation."""
+        law = _slotine_li(self.plant, self.start, model, None).having(_feedback(settings[0]))
+        return self._simulated([law] * len(settings), settings, duration)
 
     @property
     def delay(self) -> int:
@@ -109,18 +78,9 @@ class Trials:
         first: Array = self.reference(np.zeros(1)).p[0]
         return first
 
-    def _rule(self, model: ReducedModel, one: TrialSetting) -> GuardedLearning:
-        gain, limits = mapped_gain(model, one.gain), np.asarray(self.plant.torque_limits)
-        given = limits, one.damping, self.plant.control_period, self.reference
-        return learning_by_rule(model, gain, *given, self.delay)
-
-    def _simulated(self, laws: list[Delayed], settings: list[TrialSetting], duration: float) -> Rollouts:
-        parameters = np.array([one.parameters for one in settings])
-        start: dict[str, Any] = {"parameters": parameters, "p": self.start + self.off, "v": np.zeros(self.plant.dof)}
-        given = {"duration": duration, "record_every": RECORD_INTERVAL, **start}
-        if self.plant.effects:
-            given["seed"] = 0  # of what they measure wrongly
-        return whole(simulate_many(self.plant, laws, self.reference, **given))
+    def _simulated(self, laws: list[SlotineLi], settings: Sequence[TrialSetting], duration: float) -> TrialRuns:
+        parameters, late = np.array([one.parameters for one in settings]), np.array([one.delayed for one in settings])
+        return run_trials(self.plant, laws, self.reference, self.start + self.off, duration, parameters, late)
 
 
 def delay_of(effects: Iterable[Effect]) -> int:
@@ -136,20 +96,19 @@ def base_model(mechanism: Mechanism) -> ReducedModel:
         return ReducedModel.full(mechanism)
 
 
-def _numbers(law: Delayed, one: TrialSetting, adaptation: Mapping[str, Array]) -> dict[str, object]:
-    """Numbers of a law by name, which tuning has judged."""
-    of = {"bandwidth": one.bandwidth, "damping": one.damping, **adaptation}
-    return {**law.numbers, "delayed": float(one.delayed), **{f"inner.{name}": value for name, value in of.items()}}
+def _feedback(one: TrialSetting) -> dict[str, Array]:
+    """Gains of the feedback, which tuning has judged, by name."""
+    return {"bandwidth": one.bandwidth, "damping": one.damping}
 
 
 @lru_cache(maxsize=8)
-def _law(plant: Plant, p: tuple[float, ...]) -> Delayed:
+def _law(plant: Plant, p: tuple[float, ...]) -> SlotineLi:
     """Law of a plant's trials near p, kept with its code."""
     model = ReducedModel.full(plant.mechanism)
-    return Delayed(_slotine_li(plant, np.array(p), model, np.ones(len(model.columns))))
+    return _slotine_li(plant, np.array(p), model, np.ones(len(model.columns)))
 
 
-def _slotine_li(plant: Plant, p: Array, model: ReducedModel, law: GuardedLearning | Array) -> SlotineLi:
+def _slotine_li(plant: Plant, p: Array, model: ReducedModel, law: GuardedLearning | Array | None) -> SlotineLi:
     few, at = np.full(plant.dof, 1e-9), Workspace.along(plant.mechanism, p, 0.0)
     return SlotineLi(model, few, few, law, None, plant.control_period, at, plant.torque_limits)
 
@@ -161,7 +120,6 @@ MAX_ERROR_RATIO = 1.0 / 3.0  # of the last error over the first, and over that w
 MAX_LIMITED_SHARE = 0.05  # of the second half's samples with a torque at its limit
 LINK_ERROR = 0.3
 LATER = ("one-period delay", "both")  # cases whose torques come a period later
-SWITCHED_OFF = 1e-20  # share of a gain that adapts nothing
 
 
 @dataclass(frozen=True)
@@ -240,29 +198,26 @@ def verifications(
     own, other = mechanism.inertial_parameters, scaled_links(mechanism, LINK_ERROR, seed)
     cases = [("nominal", own, False), (LATER[0], own, True)]
     cases += [(f"link errors ±{LINK_ERROR:.0%}", other, False), (LATER[1], other, True)]
-    settings = [
-        TrialSetting(gains.bandwidth, gains.damping, share * gain, true, late)
-        for _, true, late in cases
-        for share in (1.0, SWITCHED_OFF)
-    ]
+    settings = [TrialSetting(gains.bandwidth, gains.damping, gain, true, late) for _, true, late in cases]
     learns = len(model.columns) <= MAX_LEARNED
-    runs = trials.learn(model, settings, DURATION) if learns else trials.run(settings, DURATION)
-    return tuple(verified(runs, [case[0] for case in cases], trials))
+    on = trials.learn(model, settings, DURATION) if learns else trials.run(settings, DURATION)
+    off = trials.without(model, settings, DURATION)
+    return tuple(verified(on, off, [case[0] for case in cases], trials))
 
 
-def verified(runs: Rollouts, names: list[str], trials: Trials) -> Iterator[Verification]:
-    """Verifications of runs, two each: with adaptation and without."""
-    first, last, largest, limited = measures(runs, np.asarray(trials.plant.torque_limits))
+def verified(on: TrialRuns, off: TrialRuns, names: list[str], trials: Trials) -> Iterator[Verification]:
+    """Verifications of runs with adaptation and without."""
+    limits, unit = np.asarray(trials.plant.torque_limits), error_unit(trials.plant.mechanism)
+    first, last, largest, limited = measures(on, limits)
+    _, other, farthest, _ = measures(off, limits)
     for k, name in enumerate(names):
-        on, off = 2 * k, 2 * k + 1
-        without = float(last[off]) if largest[off] < MAX_ERROR else np.inf
-        share, unit = float(limited[on]), error_unit(trials.plant.mechanism)
-        yield Verification(name, float(first[on]), float(last[on]), without, float(largest[on]), share, unit)
+        without = float(other[k]) if farthest[k] < MAX_ERROR else np.inf
+        yield Verification(name, float(first[k]), float(last[k]), without, float(largest[k]), float(limited[k]), unit)
 
 
-def measures(runs: Rollouts, limits: Array) -> tuple[Array, Array, Array, Array]:
+def measures(runs: TrialRuns, limits: Array) -> tuple[Array, Array, Array, Array]:
     """First, last and largest error, and limited torques, (M,) each."""
-    finite = runs.finite
+    finite = np.isfinite(runs.largest_error.sum(axis=-1))
     squares = np.where(finite, np.mean(np.where(finite[:, None], runs.error, 0.0) ** 2, axis=-1), np.inf)
     time = runs.time
     first = np.sqrt(squares[time < FIRST_INTERVAL].mean(axis=0))

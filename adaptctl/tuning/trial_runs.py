@@ -1,0 +1,79 @@
+"""Simulated runs of many arms, by the code that `simulate` runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from adaptctl.arrays import Array
+from adaptctl.compilation import Ensemble
+from adaptctl.control.controller import GAINS, Controller, Reference
+from adaptctl.simulation import Plant
+from adaptctl.simulation.closed_loop import LATE, ClosedLoop, Sample
+from adaptctl.simulation.members import Noise, differing, gains_of
+from adaptctl.simulation.references import REFERENCE, sampled
+
+RECORD_INTERVAL = 50  # control periods
+NUMBERS = 2_000_000  # recorded at once
+
+
+class TrialRuns(NamedTuple):
+    """Samples of M runs: times (T,), positions, errors, applied torques (T, M, r); errors' largest sizes (M, r)."""
+
+    time: Array
+    p: Array
+    error: Array
+    applied: Array
+    largest_error: Array
+
+
+def run_trials(
+    plant: Plant,
+    laws: Sequence[Controller[Any]],
+    reference: Reference,
+    first: Array,
+    duration: float,
+    parameters: Array,
+    delayed: Array,
+) -> TrialRuns:
+    """
+    Runs of M laws that differ in numbers alone, from rest, with the same noise of sensors.
+
+    Positions `first` (r,) in rad (m), `duration` in s, true parameters (M, P), and torques a period late where
+    `delayed` (M,) is true.
+    """
+    noise = Noise.of(0, 1, 1, plant.noise_size)[0]
+    arms = _at_rest(plant, laws, first, parameters, noise)
+    arms.held[LATE] = np.asarray(delayed, dtype=np.float64)[:, None]
+    steps, recorded = round(duration / plant.control_period), sum(np.prod(shape) for shape in arms.stepper.outputs)
+    chunk = RECORD_INTERVAL * max(1, int(NUMBERS // (RECORD_INTERVAL * recorded * len(laws))))
+    time = np.asarray(plant.control_period * np.arange(steps))
+    parts = [_advanced(plant, arms, reference, time[k : k + chunk], noise) for k in range(0, steps, chunk)]
+    p, error, applied, largest = zip(*parts, strict=True)
+    samples = map(np.concatenate, (p, error, applied))
+    return TrialRuns._make((time[::RECORD_INTERVAL], *samples, np.max(largest, axis=0)))
+
+
+def _at_rest(plant: Plant, laws: Sequence[Controller[Any]], first: Array, parameters: Array, noise: Noise) -> Ensemble:
+    law, differ = differing(laws, {})
+    loop, gains = ClosedLoop(plant, law), gains_of(law, differ, len(laws))
+    p, v = np.broadcast_to(first, (len(laws), plant.dof)), np.zeros((len(laws), plant.dof))
+    arms = loop.compiled().ensemble(len(laws))
+    state = plant.init(p, v, parameters, np.broadcast_to(noise.drawn(1)[0], (len(laws), noise.size)))
+    loop.set_state(arms, state, law.init(state.measured_p, state.measured_v, gains))
+    arms.held["parameters"] = parameters
+    if gains:
+        arms.held[GAINS] = np.concatenate([x.reshape(len(x), -1) for x in gains.values()], axis=1)
+    return arms
+
+
+def _advanced(plant: Plant, arms: Ensemble, reference: Reference, time: Array, noise: Noise) -> tuple[Array, ...]:
+    """Samples of the control periods that begin at times (T,) in s, and errors' largest sizes."""
+    point = sampled(reference, time, plant.dof)
+    signals = {**dict(zip(REFERENCE, point, strict=True)), "noise": noise.drawn(len(time))[:, 0]}
+    sample = Sample(*arms.run(len(time), signals, record=True))
+    p, every = plant.positions(sample.q), slice(None, None, RECORD_INTERVAL)
+    error = p - point.p[:, None]
+    return p[every].copy(), error[every].copy(), sample.applied[every].copy(), np.abs(error).max(axis=0)
