@@ -14,12 +14,14 @@ from test_impedance import DAMPING, HOME, PERIOD, REST, STILL, TOOL, model, plac
 import adaptctl
 from adaptctl.arrays import Array
 from adaptctl.control import GuardedLearning, JointImpedance, TaskImpedance, Workspace, with_external_torque
+from adaptctl.control.controller import ReferencePoint
 from adaptctl.control.wrench_torque import WrenchTorque
 from adaptctl.dynamics.inverse_kinematics import Tip
 from adaptctl.envs import ContactEnv, TrackingEnv
 from adaptctl.envs.contact import LINK, joint_path
 from adaptctl.envs.contact import TOOL as CONTACT_TOOL
 from adaptctl.errors import GainError, InputError
+from adaptctl.experiments.contact import Contact
 from adaptctl.hardware import ForceReading
 from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation import HandPush
@@ -53,17 +55,17 @@ def jacobian(p: Array) -> Array:
     return np.array(ends).T[[0, 2]]
 
 
-def answer(law: Any, hertz: float, torque: Array) -> Array:
-    """Complex amplitude (2,) of the joints in MuJoCo under a torque of some frequency, which is felt at each tick."""
-    omega, samples = 2.0 * np.pi * hertz, round(2.0 / hertz / PERIOD)
-    plant, state = MuJoCoPlant.of(law.model.mechanism, PERIOD), law.init(HOME, REST)
-    body, found, last = plant.init(HOME, REST), np.zeros(2, complex), np.zeros(2)
+def answer(law: Any, hertz: float, torque: Array, home: Array = HOME, about: Any = None) -> Array:
+    """Complex amplitude (r,) of the joints in MuJoCo under a torque of some frequency, which is felt at each tick."""
+    omega, samples, still = 2.0 * np.pi * hertz, round(2.0 / hertz / PERIOD), ReferencePoint(home, 0 * home, 0 * home)
+    plant, state = about or (MuJoCoPlant.of(law.model.mechanism, PERIOD), law.init(home, 0.0 * home))
+    body, found, last = plant.init(home, 0.0 * home), np.zeros(len(home), complex), 0.0 * home
     for k in range(samples + 1500):
         now = torque * np.cos(omega * k * PERIOD)
-        given, state = law.step(felt(state, 0.5 * (last + now)), body.p, body.v, STILL)
+        given, state = law.step(felt(state, 0.5 * (last + now)), body.p, body.v, still)
         last, body = now, plant.step(body, given + now)
         if k >= 1500:
-            found = found + (body.p - HOME) * np.exp(-1j * omega * (k + 0.5) * PERIOD) * (2.0 / samples)
+            found = found + (body.p - home) * np.exp(-1j * omega * (k + 0.5) * PERIOD) * (2.0 / samples)
     return found
 
 
@@ -82,6 +84,33 @@ def test_a_tool_answers_as_its_target_inertia_does() -> None:
     wanted = np.linalg.solve(stiffness - omega**2 * mass + 1j * omega * damping, force)
     found = J @ answer(tool(), 2.0, J.T @ force)
     assert np.abs(found - wanted).max() < 0.03 * np.abs(wanted).max()
+
+
+@nightly
+@pytest.mark.parametrize("share", [0.5, 1.0])
+def test_a_sweep_with_an_unknown_load_shows_the_target_inertia(share: float) -> None:
+    """A PUMA 560 that learned 2 kg in its hand within 10 s: inertia and damping from 0.5 to 5 Hz."""
+    asked = Contact(scene="air")
+    arm = asked.mechanism()
+    reduced = ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
+    plant, path = ContactEnv(arm, scene="air").plant, joint_path(arm, 20.0, "air")
+    tracking = asked.contenders(arm, reduced.basis)[0].controller
+    body, state = plant.init(path(0.0).p, path(0.0).v), tracking.init(path(0.0).p, path(0.0).v)
+    for k in range(10_000):
+        given, state = tracking.step(state, body.p, body.v, path(PERIOD * k))
+        body = plant.step(body, given)
+    home, K = path(10.0).p, np.array([200.0, 200.0, 100.0])
+    M = share * arm.mass_matrix(home).diagonal()
+    D, near = 1.4 * np.sqrt(K * M), Workspace.along(arm, home[None])
+    driven: dict[str, Any] = {"inertia": M, "force_cutoff": UNFILTERED}
+    law = JointImpedance(reduced, K, D, tracking.adaptation, tracking.initial, PERIOD, near, **driven)
+    start = law.init(home, 0.0 * home)._replace(estimate=state.estimate, law_state=state.law_state)
+    for hertz in (0.5, 2.0, 5.0):
+        omega, unit = 2.0 * np.pi * hertz, np.diag([4.0, 4.0, 1.5])
+        moved = np.array([answer(law, hertz, one, home, (plant, start)) for one in unit]).T @ np.linalg.inv(unit)
+        found = np.linalg.inv(moved).diagonal()
+        assert found.imag / omega == pytest.approx(D, rel=0.05)
+        assert (K - found.real) / omega**2 == pytest.approx(M, rel=0.05)
 
 
 def test_an_inertia_that_swings_at_a_spring_is_refused_with_the_smallest() -> None:
