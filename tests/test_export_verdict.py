@@ -130,7 +130,7 @@ def test_gains_that_fail_in_simulation_are_not_exported(tmp_path: Path, capsys: 
     assert capsys.readouterr().out.startswith("FAILED: the arm does not learn with these gains: nominal: failed")
     assert main(["tune", str(robot), "--json"]) == 3
     assert json.loads(capsys.readouterr().out)["verified"][0]["is_learning"] is False
-    for more in ([], ["--check"], ["--law", "computed-torque"]):
+    for more in ([], ["--check", "--law", "computed-torque"]):
         assert main(["export", str(robot), "--out", str(place), *more]) == 3
         said = capsys.readouterr()
         assert said.out == ""

@@ -19,6 +19,7 @@ from adaptctl.tuning.verification import Verification, base_model
 
 ASKED = Rates(4.0, 0.5, 0.4)
 CASES = 4
+COUNTS = (Encoder(resolution=2.0 * np.pi / 4096.0), FilteredDifferences(60.0))
 
 
 def run(first: float, last: float, largest: float = 0.1) -> Verification:
@@ -44,13 +45,22 @@ def test_from_two_periods_late_on_the_margin_is_that_at_one() -> None:
     assert (late_share(0), late_share(1), late_share(2)) == pytest.approx((1.0, 1.0, 2.0 * np.sin(np.pi / 10.0)))
 
 
-def chosen(monkeypatch: pytest.MonkeyPatch, outcomes: list[tuple[Verification, ...]], delay: int = 0) -> Any:
+def chosen(
+    monkeypatch: pytest.MonkeyPatch,
+    outcomes: list[tuple[Verification, ...]],
+    delay: int = 0,
+    effects: Any = COUNTS,
+) -> Any:
     """What is held where runs of lower and lower gains end so, the last of them again and again."""
     left = iter(outcomes)
-    monkeypatch.setattr(stated_effects, "verifications", lambda *_: next(left, outcomes[-1]))
+
+    def runs(*_: Any, duration: float = 20.0) -> tuple[Verification, ...]:
+        return (GOOD,) if duration < 20.0 else next(left, outcomes[-1])
+
+    monkeypatch.setattr(stated_effects, "verifications", runs)
     proposed = SimpleNamespace(proposed=lambda *rates: offered(rates[1]), control_period=1e-3)
-    trials: Any = SimpleNamespace(plant=SimpleNamespace(effects=(ControlDelay(delay),)), delay=delay)
-    model: Any = None
+    trials: Any = SimpleNamespace(plant=SimpleNamespace(effects=effects), delay=delay)
+    model: Any = SimpleNamespace(columns=range(10))
     found = held(trials, model, proposed, ASKED, offered(0.5), 0)  # type: ignore[arg-type]
     return found.proposal.gain, " ".join(found.notes)
 
@@ -78,10 +88,17 @@ def test_a_stated_delay_needs_to_hold_no_further_one(monkeypatch: pytest.MonkeyP
     assert chosen(monkeypatch, [(GOOD, later), (GOOD, GOOD)])[0] == 0.25
 
 
+def test_without_stated_effects_only_gains_that_lose_the_arm_are_lowered(monkeypatch: pytest.MonkeyPatch) -> None:
+    lost = run(0.04, 0.01, 1.5)
+    assert chosen(monkeypatch, [(BAD, lost, lost, lost)], effects=())[0] == 0.5
+    gain, told = chosen(monkeypatch, [(lost, lost), (lost, lost), (GOOD, lost)], effects=())
+    assert (gain, "0.12" in told) == (0.125, True)
+
+
 def test_where_no_gains_hold_the_first_are_kept_and_it_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     gain, told = chosen(monkeypatch, [(BAD,) * CASES])
     assert gain == 0.5
-    assert "no gains hold" in told
+    assert "no lower gains" in told
 
 
 def test_a_stated_delay_is_told_to_the_law_and_lowers_gains() -> None:
@@ -108,8 +125,7 @@ def so101() -> Any:
 @pytest.mark.filterwarnings("ignore::adaptctl.errors.RoundedAnglesWarning")
 def test_a_gradient_that_coarse_encoders_make_diverge_is_refused() -> None:
     mechanism = so101()
-    counts = Encoder(resolution=2.0 * np.pi / 4096.0), FilteredDifferences(60.0)
-    tuning = tune(mechanism, effects=counts)
+    tuning = tune(mechanism, effects=COUNTS)
     assert tuning.is_learning
     with pytest.raises(VerdictError, match="gradient"):
         tuning.controller(base_model(mechanism), "gradient")

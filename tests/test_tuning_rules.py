@@ -183,7 +183,7 @@ def test_rotors_are_missing_where_a_driven_joint_turns_and_has_a_limit() -> None
 @pytest.mark.parametrize(("limits", "period", "rate"), [(LIMITS, 1e-3, 10.0), (1e9 * LIMITS, 0.1, 5.0)])
 def test_the_learning_rule_weighs_torques_by_their_errors(limits: np.ndarray, period: float, rate: float) -> None:
     damping = np.array([40.0, 4.0])
-    swing = Sinusoids(np.zeros(2), np.array([0.5, 0.01]), np.full(2, 0.25))
+    swing = Sinusoids(np.zeros(2), np.array([0.5, 0.05]), np.full(2, 0.25))
     rubbing = ARM.with_drives([Drive(viscous=0.0, coulomb=0.1), Drive(viscous=0.0, coulomb=7.0)])
     model, gain = ReducedModel(rubbing), np.diag(np.arange(1.0, 11.0))
     found: GuardedLearning = learning_by_rule(model, gain, limits, damping, period, swing)
@@ -192,7 +192,18 @@ def test_the_learning_rule_weighs_torques_by_their_errors(limits: np.ndarray, pe
     assert found.prediction_weight == pytest.approx(errors**-2)
     assert found.gain == pytest.approx(np.arange(1.0, 11.0))
     assert (found.cutoff, found.recall) == (rate, rate)
-    assert found.min_speed == pytest.approx([0.05, 0.15 * 0.01 * 2.0 * np.pi * 0.25], rel=1e-3)
+    assert found.min_speed == pytest.approx([0.05, 0.15 * 0.05 * 2.0 * np.pi * 0.25], rel=1e-3)
+
+
+@pytest.mark.parametrize(("kind", "least"), [(JointKind.REVOLUTE, 0.05), (JointKind.PRISMATIC, 0.15 * 0.0157)])
+def test_turning_joints_that_hardly_move_are_not_learned_from_the_noise_of_their_speed(
+    kind: JointKind, least: float
+) -> None:
+    arm = changed(lambda joint: replace(joint, kind=kind), 1)
+    swing = Sinusoids(np.zeros(2), np.array([0.5, 0.01]), np.full(2, 0.25))
+    model = ReducedModel(arm)
+    found = learning_by_rule(model, np.eye(len(model.columns)), LIMITS, np.array([40.0, 4.0]), 1e-3, swing)
+    assert found.min_speed == pytest.approx([0.05, least], rel=1e-2)
 
 
 def test_named_laws_have_the_gains_of_the_tuning(tuned: Tuning) -> None:

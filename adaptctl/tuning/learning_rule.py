@@ -20,6 +20,8 @@ SPEED_NOISE = 3.3e-3
 """rad/s (m/s): times the damping it is a torque error, which matters where limits are far above the loads"""
 MIN_SPEED, MIN_SPEED_SHARE = 0.05, 0.15
 """rad/s (m/s), and share of the reference's greatest speed, below which friction at rest is met"""
+SLOWEST = 0.02
+"""rad/s that turning joints reach at least, if they move at all: what is slower shows the noise of its speed"""
 SPEED_SAMPLES = 400
 """times at which the reference's speeds are read"""
 PRIOR_RANGES = 10.0
@@ -41,7 +43,8 @@ def learning_by_rule(
 ) -> GuardedLearning:
     """Learning law of a model with the diagonal of a gain (k, k), for torque limits and damping (r,) each."""
     speeds = np.abs(reference(np.linspace(0.0, HORIZON, SPEED_SAMPLES)).v).max(axis=0)
-    least = np.minimum(MIN_SPEED, MIN_SPEED_SHARE * speeds)
+    turns = np.array([joint.kind.is_revolute for joint in model.mechanism.primary_joints])
+    least = np.where(turns & (speeds < SLOWEST), MIN_SPEED, np.minimum(MIN_SPEED, MIN_SPEED_SHARE * speeds))
     recall, cutoff = (min(x, 0.5 / control_period) for x in (GuardedLearning.recall, GuardedLearning.cutoff))
     sigma = np.maximum(torque_error(torque_limits, damping), FRICTION_ERROR_SHARE * coulomb_friction(model.mechanism))
     more: dict[str, Any] = {"bound": farthest(model, np.diag(gain)), "torque_step": STEP_SHARE * torque_limits}

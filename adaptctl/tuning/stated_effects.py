@@ -1,4 +1,4 @@
-"""Gains that hold with the effects that a robot is known to have."""
+"""Gains that hold in simulation, with the effects that a robot is known to have."""
 
 from __future__ import annotations
 
@@ -20,8 +20,10 @@ from adaptctl.simulation.effects.plant_effects import PlantEffects
 from adaptctl.simulation.integrator import integration
 from adaptctl.simulation.transmission import Transmission
 from adaptctl.tuning.default_gains import DefaultGains, Proposal
+from adaptctl.tuning.learning_rule import MAX_LEARNED
 from adaptctl.tuning.verification import (
     DURATION,
+    MAX_ERROR,
     MAX_ERROR_RATIO,
     Trials,
     TrialSetting,
@@ -33,6 +35,8 @@ from adaptctl.tuning.verification import (
 
 HALVINGS = 7
 """times that gains are halved before none hold"""
+FIRST_LOOK = 2.0
+"""s in which most gains that are too high lose the arm"""
 LEAST_DAMPED = 4.0
 """least decay rate of velocities over the bandwidth: critical damping"""
 
@@ -82,14 +86,14 @@ def late_share(delay: int) -> float:
 def held(trials: Trials, model: ReducedModel, rule: DefaultGains, asked: Rates, first: Proposal, seed: int) -> Held:
     """Highest gains that hold in all runs with the plant's effects, or else in the nominal run, or else the first."""
     begun = Held(first, verifications(trials, model, first.feasible.gains, first.gain, seed))
-    if not trials.plant.effects or _hold(begun.verified, trials):
+    if _hold(begun.verified, trials) or not (trials.plant.effects or len(model.columns) <= MAX_LEARNED):
         return begun
     lower = list(_lower(trials, model, rule, asked, seed))
     if lower and _hold(lower[-1].verified, trials):
         return lower[-1]
     narrow = next((one for one in (begun, *lower) if holds(one.verified[0])), None)
     if narrow is None:
-        return begun._replace(notes=("with the stated effects no gains hold",))
+        return begun._replace(notes=("no lower gains hold either",))
     return narrow._replace(notes=(*narrow.notes, "these do not hold in all four runs"))
 
 
@@ -101,20 +105,26 @@ def _lower(trials: Trials, model: ReducedModel, rule: DefaultGains, asked: Rates
             proposal = rule.proposed(*rates, "mixed")
         except InputError:  # no gains hold the arm
             return
-        runs = verifications(trials, model, proposal.feasible.gains, proposal.gain, seed)
+        given = trials, model, proposal.feasible.gains, proposal.gain, seed
+        if verifications(*given, duration=FIRST_LOOK)[0].max_error >= MAX_ERROR:
+            continue
+        runs = verifications(*given)
         yield Held(proposal, runs, (_lowered(rates),))
         if _hold(runs, trials):
             return
 
 
 def _hold(runs: tuple[Verification, ...], trials: Trials) -> bool:
-    """True if all runs hold, of which a stated delay excuses those with a further one."""
+    """True if all runs hold, of which a stated delay excuses those with a further one, or if the nominal run of an arm
+    without stated effects is not lost."""
+    if not trials.plant.effects:
+        return runs[0].max_error < MAX_ERROR
     return all(holds(run) for run in runs if not (trials.delay and run.is_later))
 
 
 def _lowered(rates: Rates) -> str:
     return (
-        f"with the stated effects gains hold up to a bandwidth of {rates.bandwidth:.2g} 1/s, a sampling ratio of "
+        f"gains hold in simulation up to a bandwidth of {rates.bandwidth:.2g} 1/s, a sampling ratio of "
         f"{rates.sampling_ratio:.2g} and an adaptation ratio of {rates.adaptation_ratio:.2g}: lowered to these"
     )
 

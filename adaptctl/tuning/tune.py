@@ -344,11 +344,10 @@ def tune(
     rule = DefaultGains.for_mechanism(
         mechanism, control_period=control_period, reference=reference, initial_error=initial_error, seed=seed
     )
-    limits = rule.limits
+    asked = asked.lowered(late_share(delay_of(effects)), rule.control_period)
+    first, limits = rule.proposed(*asked, "mixed"), rule.limits
     plant = plant_with(mechanism, rule.control_period, limits, effects)
     trials = Trials(plant, rule.reference, rule.initial_error)
-    asked = asked.lowered(late_share(trials.delay), rule.control_period)
-    first = rule.proposed(*asked, "mixed")
     first = _searched(trials, rule, first, search, seed) if search and trials.possible else first
     model = base_model(mechanism) if trials.possible else None
     found = Held(first, ()) if model is None else held(trials, model, rule, asked, first, seed)

@@ -191,17 +191,17 @@ class Verification:
 
 
 def verifications(
-    trials: Trials, model: ReducedModel, gains: Gains, gain: Array, seed: int
+    trials: Trials, model: ReducedModel, gains: Gains, gain: Array, seed: int, duration: float = DURATION
 ) -> tuple[Verification, ...]:
-    """Four verifications of 20 s, with the law that is the default for the model."""
+    """Four verifications, with the law that is the default for the model."""
     mechanism = trials.plant.mechanism
     own, other = mechanism.inertial_parameters, scaled_links(mechanism, LINK_ERROR, seed)
     cases = [("nominal", own, False), (LATER[0], own, True)]
     cases += [(f"link errors ±{LINK_ERROR:.0%}", other, False), (LATER[1], other, True)]
     settings = [TrialSetting(gains.bandwidth, gains.damping, gain, true, late) for _, true, late in cases]
     learns = len(model.columns) <= MAX_LEARNED
-    on = trials.learn(model, settings, DURATION) if learns else trials.run(settings, DURATION)
-    off = trials.without(model, settings, DURATION)
+    on = trials.learn(model, settings, duration) if learns else trials.run(settings, duration)
+    off = trials.without(model, settings, duration)
     return tuple(verified(on, off, [case[0] for case in cases], trials))
 
 
