@@ -254,7 +254,8 @@ def test_a_delay_is_the_shift_of_the_torques(late: float) -> None:
     measured = torque(time - late)
     change = (torque(time - late + 1e-6) - torque(time - late - 1e-6)) / 2e-6
     rows = SimpleNamespace(regressor=torque(time)[..., None], torque=measured, change=change, time=time)
-    evidence: Any = SimpleNamespace(rows={5.0: rows}, blocks=10, counted=lambda settings: np.ones((2000, 2)))
+    whole = {"fitted_rows": lambda settings: rows, "counted": lambda settings: np.ones((2000, 2))}
+    evidence: Any = SimpleNamespace(blocks=10, **whole)
     fit: Any = SimpleNamespace(settings=SimpleNamespace(cutoff=5.0), deviations=np.array([1.0, 3.0]), x=np.ones(1))
     found = estimated_delay(evidence, fit, np.zeros((1, 1)), Student(10))
     assert found.value == pytest.approx(late, abs=2e-5)

@@ -81,4 +81,4 @@ def test_intervals_have_the_truth_as_often_as_they_say(kind: str) -> None:
         widths += (found.deviations / least_deviations(found.model, seed, colour)).tolist()
     assert np.mean(told) >= 0.9
     assert np.mean(inside) >= 0.9  # 0.92 of many logs, less what some 200 parameters of ten leave open
-    assert np.median(widths) <= (2.5 if kind == "a second" else 1.5)  # whitening would tell more of noise that lasts
+    assert np.median(widths) <= 1.5

@@ -34,9 +34,9 @@ def test_sums_over_stretches_are_those_of_all_rows(both: tuple[LogEvidence, LogE
     assert isinstance(long, LongEvidence)
     assert long.stretches.edges == whole.edges
     for cutoff in whole.rows:
-        for slow in (0.0, 0.02):
+        for slow, lasting in ((0.0, ()), (0.02, ()), (0.02, (0.3, 0.0, 1.0))):
             for part in ("normal", "moment", "square", "count"):
-                one, other = (getattr(evidence.sums(cutoff, slow), part) for evidence in (whole, long))
+                one, other = (getattr(evidence.sums(cutoff, slow, lasting), part) for evidence in (whole, long))
                 np.testing.assert_allclose(other, one, rtol=1e-10, atol=1e-10 * np.abs(one).max())
 
 

@@ -16,6 +16,7 @@ from adaptctl.errors import AdaptctlError, InputError
 from adaptctl.identification.fit import Fit, FitSettings, LogEvidence
 from adaptctl.identification.friction_model import ALWAYS, CANDIDATES, FrictionModel
 from adaptctl.identification.least_squares import weighted_least_squares
+from adaptctl.identification.noise_choice import lasting_times
 from adaptctl.identification.position_noise import clean_cutoffs
 from adaptctl.identification.springs import spring_kinds, told_kinds, untold_springs, validate_told
 from adaptctl.stages import stage
@@ -30,7 +31,7 @@ WEIGHT_CANDIDATES = (1e-4, 1e-3, 1e-2, 0.1, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0, 100.
 FIRST_WEIGHT = 10.0
 # Share by which a richer model must predict better to be taken.
 MIN_IMPROVEMENT = 0.01
-# Likewise a stronger prior, which makes the estimate less the logs' own.
+# Likewise a stronger prior, which makes the estimate less the logs' own, and rows whose noise lasts made white.
 MIN_WEIGHT_IMPROVEMENT = 0.003
 # Residual of the consistent estimate over that of least squares on the same columns that a prior may cost for a little
 # better prediction; what costs more has to be better by MIN_IMPROVEMENT.
@@ -82,6 +83,7 @@ def choose(
         tried = clean_cutoffs(evidence.motions, evidence.rows)
         settings = search.best([replace(settings, cutoff=c) for c in tried], "cut-off, Hz", _cutoff)
     settings = search.best([replace(settings, slow=s) for s in SLOW_CANDIDATES], "slow joints masked below", _slow)
+    settings = search.best(_lasting(evidence, settings), "noise that lasts", _noise, MIN_WEIGHT_IMPROVEMENT)
     if weight is None:
         every = [replace(settings, weight=w) for w in WEIGHT_CANDIDATES]
         near = _near(evidence, every)
@@ -96,6 +98,12 @@ def _sprung(evidence: LogEvidence, settings: FitSettings) -> list[FitSettings]:
     springs = told_kinds(evidence.mechanism, settings.untold)
     more = settings.friction.also((DriveParameter.OFFSET, *springs))
     return [settings, replace(settings, friction=more)] if springs else [settings]
+
+
+def _lasting(evidence: LogEvidence, settings: FitSettings) -> list[FitSettings]:
+    """Settings as they are, and with noise that lasts, if deviations are less so."""
+    times = lasting_times(evidence, replace(settings, cutoff=evidence.band))
+    return [settings, replace(settings, lasting=times)] if times else [settings]
 
 
 def judged_at(evidence: LogEvidence) -> float:
@@ -139,7 +147,7 @@ def _worst(evidence: LogEvidence, settings: FitSettings) -> int | None:
 
 def predicted_error(evidence: LogEvidence, settings: FitSettings) -> float:
     """Relative error of torques predicted on blocks left out, in five groups of neighbors; N and N m apart."""
-    judged = replace(settings, cutoff=evidence.band, slow=0.0)
+    judged = replace(settings, cutoff=evidence.band, slow=0.0, lasting=())
     squares, sizes = np.zeros((2, evidence.mechanism.dof))
     for fold in np.array_split(np.arange(evidence.blocks), NUM_FOLDS):
         rest = [b for b in range(evidence.blocks) if b not in fold]
@@ -211,6 +219,10 @@ def _cutoff(settings: FitSettings) -> str:
 
 def _slow(settings: FitSettings) -> str:
     return f"{settings.slow:.0%} of the peak speed" if settings.slow else "none"
+
+
+def _noise(settings: FitSettings) -> str:
+    return f"{', '.join(f'{time:g}' for time in settings.lasting)} s" if settings.lasting else "none"
 
 
 def _weight(settings: FitSettings) -> str:

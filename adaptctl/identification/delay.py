@@ -128,7 +128,7 @@ def estimated_delay(evidence: LogEvidence, fit: Fit, inverse: Array, student: St
     """Delay of all torques, along with the parameters and lags of friction; deviation by blocks or noise that lasts."""
     # Measured rates have noise, which least squares on them takes for knowledge of the delay: too short, too sure. The
     # rates of the fit's own torques are their instrument.
-    rows, used = evidence.rows[fit.settings.cutoff], evidence.counted(fit.settings)
+    rows, used = evidence.fitted_rows(fit.settings), evidence.counted(fit.settings)
     weight, predicted = used / fit.deviations**2, rows.regressor @ fit.x
     columns, inverse = _with_lags(evidence, rows, weight, inverse) if lags else (rows.regressor, inverse)
     (effect, changed), (_, instrument) = (

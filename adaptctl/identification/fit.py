@@ -19,6 +19,7 @@ from adaptctl.identification.drives_file import Drives
 from adaptctl.identification.entropic import EntropicPrior
 from adaptctl.identification.filtered_dynamics import Rows, SmoothMotion
 from adaptctl.identification.friction_model import FrictionModel
+from adaptctl.identification.lasting_noise import innovations
 from adaptctl.identification.least_squares import weighted_least_squares
 from adaptctl.identification.normal_equations import NormalEquations, blocks_of
 
@@ -34,8 +35,8 @@ MIN_MEAN_RATIO, MIN_MEAN_SHARE = 8.0, 0.25
 @dataclass(frozen=True)
 class FitSettings:
     """
-    Friction model, prior's weight, cut-off (Hz), share of peak speed that masks slower joints, joints left out, and
-    names of parameters that the log does not tell.
+    Friction model, prior's weight, cut-off (Hz), share of peak speed that masks slower joints, joints left out, names
+    of parameters that the log does not tell, and times (r,) in s that the joints' noise lasts, if any does.
     """
 
     friction: FrictionModel
@@ -44,6 +45,7 @@ class FitSettings:
     slow: float = 0.0
     left_out: tuple[int, ...] = ()
     untold: tuple[str, ...] = ()
+    lasting: tuple[float, ...] = ()
 
     def columns(self, mechanism: Mechanism) -> Array:
         """Mask (P,) of the parameters: links', and those of the friction model in the drives of joints that count."""
@@ -110,12 +112,14 @@ class LogEvidence:
             rows[cutoff] = replace(own, torque=torque, change=change)
         return replace(self, rows=rows)
 
-    def sums(self, cutoff: float, slow: float) -> NormalEquations:
-        """Normal equations of the rows of a cut-off, by blocks, without joints slower than a share of their peaks."""
-        if (cutoff, slow) not in self._sums:
+    def sums(self, cutoff: float, slow: float, lasting: tuple[float, ...] = ()) -> NormalEquations:
+        """Normal equations of rows of a cut-off, by blocks, without joints slower than a share of their peaks."""
+        key = cutoff, slow, lasting
+        if key not in self._sums:
             used = self.used(cutoff, slow)
-            self._sums[cutoff, slow] = NormalEquations.of(self.rows[cutoff], self._block[cutoff], self.blocks, used)
-        return self._sums[cutoff, slow]
+            rows = innovations(self.rows[cutoff], used, lasting)
+            self._sums[key] = NormalEquations.of(rows, self._block[cutoff], self.blocks, used)
+        return self._sums[key]
 
     def file_torques(self, cutoff: float) -> Array:
         """Mean torques (2, r) that the prior's links alone take in the rows of a cut-off, and that were measured."""
@@ -139,13 +143,17 @@ class LogEvidence:
         used[:, list(settings.left_out)] = False
         return used
 
+    def fitted_rows(self, settings: FitSettings) -> Rows:
+        """Rows that a fit with some settings is made from, where `counted` has them."""
+        return innovations(self.rows[settings.cutoff], self.used(settings.cutoff, settings.slow), settings.lasting)
+
     @cached_property
     def peaks(self) -> Array:
         """Greatest speeds (r,) of the joints in rad/s (m/s)."""
         return np.max([np.abs(motion.velocity).max(axis=0) for motion in self.motions], axis=0)
 
     @cached_property
-    def _sums(self) -> dict[tuple[float, float], NormalEquations]:
+    def _sums(self) -> dict[tuple[float, float, tuple[float, ...]], NormalEquations]:
         return {}
 
     @cached_property
@@ -159,7 +167,7 @@ class LogEvidence:
 
     def equations(self, settings: FitSettings, blocks: Sequence[int]) -> NormalEquations:
         """Normal equations of the rows in some blocks, summed."""
-        return self.sums(settings.cutoff, settings.slow).over(blocks).without(settings.left_out)
+        return self.sums(settings.cutoff, settings.slow, settings.lasting).over(blocks).without(settings.left_out)
 
     def independent(self, settings: FitSettings) -> NDArray[np.int64]:
         """Indices (c,) of the parameters that least squares is solved for: fundamental ones, then friction's."""

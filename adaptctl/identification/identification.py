@@ -76,7 +76,8 @@ class Identification:
     payloads : tuple of IdentifiedPayload, optional
         Bodies carried in a log of which mass, centre or inertia was identified. None by default.
     prior_shares : numpy.ndarray, optional
-        Shares (k,) of the squared deviations that come from what the logs leave to the prior. Default: unknown.
+        Shares (k,) of the squared deviations that come from what the logs leave to the prior, 0 where these alone would
+        give deviations up to three times as large. Default: unknown.
 
     Examples
     --------

@@ -30,7 +30,7 @@ def with_lasting_errors(found: Uncertainty, evidence: LogEvidence, fit: Fit) -> 
 
 def _scores(evidence: LogEvidence, fit: Fit, kept: NDArray[np.int64]) -> Array:
     """Covariance (P, P) of the weighted sums Y'e under autoregressive noise of each joint."""
-    rows, used = evidence.rows[fit.settings.cutoff], evidence.counted(fit.settings)
+    rows, used = evidence.fitted_rows(fit.settings), evidence.counted(fit.settings)
     error = np.where(used, rows.regressor @ fit.x - rows.torque, 0.0)
     P, share = rows.regressor.shape[-1], len(kept) / used.shape[1]
     out = np.zeros((P, P))

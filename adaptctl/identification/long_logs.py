@@ -19,6 +19,7 @@ from adaptctl.errors import InputError
 from adaptctl.identification.choice import NUM_BLOCKS, SLOW_CANDIDATES
 from adaptctl.identification.filtered_dynamics import ROWS_PER_PERIOD, RowFilter, Rows, SmoothMotion
 from adaptctl.identification.fit import LogEvidence
+from adaptctl.identification.lasting_noise import Whitening
 from adaptctl.identification.momentum_balance import MomentumBalance, PackedRegressor
 from adaptctl.identification.normal_equations import NormalEquations, block_edges, blocks_of
 from adaptctl.identification.preparation import PreparedLog
@@ -107,6 +108,7 @@ class Stretches:
     smooth: float
     cutoffs: Sequence[float]
     _found: dict[float, dict[tuple[float, float], NormalEquations]] = field(default_factory=dict)
+    _white: dict[tuple[float, float, float, tuple[float, ...]], NormalEquations] = field(default_factory=dict)
 
     @property
     def are_long(self) -> bool:
@@ -176,7 +178,7 @@ class Stretches:
         least, P = sorted(SLOW_CANDIDATES, reverse=True), len(self.mechanism.parameter_names)
         empty = partial(NormalEquations.zero, len(self.edges), self.mechanism.dof, P)
         parts = {cutoff: [empty() for _ in least] for cutoff in self.cutoffs}
-        for rows, regressor in self._rows(delay):
+        for rows, regressor in self._rows(delay, self.cutoffs):
             block, faster = blocks_of(rows, self.edges), np.zeros_like(rows.torque, dtype=np.bool_)
             for slow, own in zip(least, parts[rows.cutoff], strict=True):
                 used = rows.used(slow * self.peaks)
@@ -185,13 +187,28 @@ class Stretches:
         sums = ((cutoff, accumulate(own, NormalEquations.plus)) for cutoff, own in parts.items())
         return {(cutoff, slow): part for cutoff, own in sums for slow, part in zip(least, own, strict=True)}
 
-    def _rows(self, delay: float) -> Iterator[tuple[Rows, PackedRegressor]]:
-        """Rows of stretches, whose regressors are packed, and these."""
+    def white(self, delay: float, cutoff: float, slow: float, lasting: tuple[float, ...]) -> NormalEquations:
+        """Normal equations of rows of a cut-off (Hz) whose noise lasts some times (r,) in s, made white."""
+        key = delay, cutoff, slow, lasting
+        if key not in self._white:
+            self._white.clear()
+            total = NormalEquations.zero(len(self.edges), self.mechanism.dof, len(self.mechanism.parameter_names))
+            whitening = Whitening(lasting, cutoff)
+            for rows, regressor in self._rows(delay, [cutoff]):
+                used, torque = rows.used(slow * self.peaks), rows.torque.copy()
+                for j in range(used.shape[1]):
+                    parts = (regressor.joint(j)[1], torque[:, j : j + 1])
+                    whitening.whiten(j, rows, np.flatnonzero(used[:, j]), parts)
+                total.add(regressor, torque, blocks_of(rows, self.edges), used)
+            self._white[key] = total
+        return self._white[key]
+
+    def _rows(self, delay: float, cutoffs: Sequence[float]) -> Iterator[tuple[Rows, PackedRegressor]]:
+        """Rows of some cut-offs (Hz) of stretches, whose regressors are packed, and these."""
         for grid in self._grids:
+            filters = [own for own in grid.filters if own.cutoff in cutoffs]
             for motion, first, last in grid.stretches():
-                for own, packed in zip(
-                    grid.filters, motion.filtered_regressors(self.balance, grid.filters), strict=True
-                ):
+                for own, packed in zip(filters, motion.filtered_regressors(self.balance, filters), strict=True):
                     at = own.every * np.arange(len(packed.values))
                     kept = own.rows(motion, packed.values).chosen((at >= first) & (at < last))
                     rise = motion.later(own.cutoff, kept.time, delay)[0] if delay else 0.0
@@ -219,6 +236,8 @@ class LongEvidence(LogEvidence):
         """Evidence whose torques are those of a delay (s) later."""
         return replace(super().advanced(delay), delay=self.delay + delay)  # type: ignore[call-arg]
 
-    def sums(self, cutoff: float, slow: float) -> NormalEquations:
-        """Normal equations of the rows of a cut-off, by blocks, without joints slower than a share of their peaks."""
+    def sums(self, cutoff: float, slow: float, lasting: tuple[float, ...] = ()) -> NormalEquations:
+        """Normal equations of rows of a cut-off, by blocks, without joints slower than a share of their peaks."""
+        if lasting:
+            return self.stretches.white(self.delay, cutoff, slow, lasting).chosen(self.own)
         return self.stretches.sums(self.delay)[cutoff, slow].chosen(self.own)

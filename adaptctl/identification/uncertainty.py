@@ -23,6 +23,10 @@ from adaptctl.identification.robot_motion import RobotMotion
 INTERVAL = 1.96
 """deviations of half an interval of 95 %"""
 
+# Deviations that rows without a prior leave, over those with it, up to which the rows tell a parameter; and the share
+# of a scaled normal matrix that all directions have, so that none is certain that rows do not tell.
+NEARLY_TOLD, LEAST_TOLD = 3.0, 1e-10
+
 
 class Student(NamedTuple):
     """Student's distribution of a mean over some blocks."""
@@ -37,13 +41,14 @@ class Student(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """Covariances (P, P) of a fit's parameters: over blocks, for white and lasting noise, and by bias."""
+    """Covariances (P, P) of a fit's parameters: over blocks, for white and lasting noise, by bias, without a prior."""
 
     sampling: Array
     bias: Array
     nominal: Array
     student: Student
     serial: Array | None = None
+    alone: Array | None = None
 
     @property
     def covariance(self) -> Array:
@@ -57,9 +62,11 @@ class Uncertainty:
         return np.sqrt(np.maximum(sampled, lasting) + _variances(combinations, self.bias))
 
     def bias_shares(self, combinations: Array) -> Array:
-        """Shares (k,) of the squared deviations of combinations (k, P) that are by bias; 1 where there is none."""
+        """Shares (k,) of the squared deviations of combinations (k, P) by bias, 0 where rows nearly tell as much."""
         whole = self.of(combinations) ** 2
-        return np.divide(_variances(combinations, self.bias), whole, out=np.ones(len(whole)), where=whole > 0.0)
+        found = np.divide(_variances(combinations, self.bias), whole, out=np.ones(len(whole)), where=whole > 0.0)
+        told = False if self.alone is None else _variances(combinations, self.alone) <= NEARLY_TOLD**2 * whole
+        return np.where(told, 0.0, found)
 
     def nominal_of(self, combinations: Array) -> Array:
         """Standard deviations (k,) of combinations (k, P) for white residuals."""
@@ -86,7 +93,15 @@ def uncertainty(evidence: LogEvidence, fit: Fit) -> Uncertainty:
     sampling = (len(steps) - 1) / len(steps) * spread.T @ spread
     determined = float(np.trace((inverse @ fit.curvature)[:links, :links]))
     moved = 2.0 * prior.distance(fit.x) / max(determined, 1.0)
-    return Uncertainty(sampling, weight * moved * inverse @ pull @ inverse, inverse, Student(len(steps)))
+    bias, alone = weight * moved * inverse @ pull @ inverse, _alone(fit.curvature, evidence.independent(fit.settings))
+    return Uncertainty(sampling, bias, inverse, Student(len(steps)), alone=alone)
+
+
+def _alone(curvature: Array, columns: NDArray[np.int64]) -> Array:
+    """Covariance (P, P) that rows leave of independent columns without a prior."""
+    diagonal = np.zeros(len(curvature))
+    diagonal[columns] = LEAST_TOLD * np.diag(curvature)[columns]
+    return scaled_inverse(curvature + np.diag(diagonal), columns)
 
 
 def inverse_curvature(evidence: LogEvidence, fit: Fit) -> tuple[Array, NDArray[np.int64]]:
