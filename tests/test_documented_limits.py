@@ -11,7 +11,7 @@ from adaptctl.compilation import kernel, llvm, object_cache, sine
 from adaptctl.control import ringing
 from adaptctl.control.gains import sampling_ratio
 from adaptctl.description import pose, right_angles
-from adaptctl.description.readers import entries, xml_elements
+from adaptctl.description.readers import entries, mjcf, xml_elements
 from adaptctl.dynamics.loops import continuation, single_precision
 from adaptctl.dynamics.recursion import drive
 from adaptctl.experiments.contest import MAX_SAMPLES
@@ -64,6 +64,7 @@ STATED = [
     ("robots", f"at most {entries.MAX_LINKS} moving links, {entries.MAX_BODIES:,} bodies"),
     ("robots", f"{entries.MAX_GEOMS:,} geoms, {xml_elements.MAX_ELEMENTS:,} elements"),
     ("robots", f"an element depth of {xml_elements.MAX_DEPTH}"),
+    ("robots", f"with {mjcf.MAX_MESH_SECONDS} s and {mjcf.MAX_MESH_MEMORY / 2**30:g} GiB"),
     ("robots", f"frames farther apart than 1e{log10(pose.MAX_LENGTH):.0f} m"),
     ("robots", f"beyond 1e{log10(xml_elements.MAX_MAGNITUDE):.0f}"),
     ("robots", f"within {power(right_angles.ROUNDED_ANGLE)} rad of a multiple of 90°"),

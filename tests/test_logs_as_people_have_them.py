@@ -140,6 +140,11 @@ FORMS: dict[str, tuple[str, dict[str, Any], str]] = {
         {},
         "",
     ),
+    "numbers in comments": (
+        lines([[*row, "moving"] for row in ROWS], *["#; 1; 2; 3; 4; 5; 6; 7; 8; 9"] * 9, ["time", *HEAD, "state"]),
+        {},
+        "",
+    ),
     "times of day": (lines(stamps(lambda ns: [f"12:00:{ns / 1e9:09.6f}"]), ["time", *HEAD]), {}, ""),
 }
 
