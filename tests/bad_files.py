@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
+import threading
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
 
 URDF = """<robot name="two">
   <link name="base"/>
@@ -394,3 +398,17 @@ def bad_bases(good: str) -> dict[str, str]:
     found["cut"] = good[: len(good) // 2]
     found["deep"] = "[" * 100_000
     return found
+
+
+@contextmanager
+def pipe(path: Path) -> Iterator[None]:
+    """A pipe whose other end is closed at once by whoever waits there, so that a reader would not wait for ever."""
+    os.mkfifo(path)
+    writer = threading.Thread(target=lambda: os.close(os.open(path, os.O_WRONLY)), daemon=True)
+    writer.start()
+    try:
+        yield
+    finally:
+        reader = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+        writer.join(5.0)
+        os.close(reader)

@@ -13,6 +13,7 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 import pytest
+from bad_files import pipe
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -199,8 +200,10 @@ def test_file_that_is_too_large(tmp_path: Path) -> None:
 
 
 def test_what_is_no_file_is_neither_waited_for_nor_read(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "pipe.toml")
-    for path in (tmp_path / "pipe.toml", Path("/dev/zero"), tmp_path):
+    told = "cannot be read .*not a regular file"
+    with pipe(place := tmp_path / "pipe.toml"), pytest.raises(FileError, match=told):
+        read_bytes(place, limit=100)
+    for path in (Path("/dev/zero"), tmp_path):
         with pytest.raises(FileError, match=f"{path}: cannot be read"):
             read_bytes(path, limit=100)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import time
 import warnings
@@ -12,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bad_files import CHAIN, CONSTRAINTS, GOOD, PRIORITY, URDF, bad_bases, bad_files
+from bad_files import CHAIN, CONSTRAINTS, GOOD, PRIORITY, URDF, bad_bases, bad_files, pipe
 from fuzzing import Outcome, fuzz
 from nightly import at_night
 
@@ -139,8 +138,7 @@ def test_a_good_basis_comes_back(basis: str, chain: Mechanism, tmp_path: Path) -
 
 def test_pipes_and_devices_are_refused(tmp_path: Path) -> None:
     for name in ("pipe.urdf", "pipe.xml", "pipe.toml"):
-        os.mkfifo(tmp_path / name)
-        with pytest.raises(FileError, match="not a regular file"):
+        with pipe(tmp_path / name), pytest.raises(FileError, match="not a regular file"):
             load(tmp_path / name)
     (tmp_path / "zero.urdf").symlink_to("/dev/zero")
     with pytest.raises(FileError, match="not a regular file"):
@@ -153,23 +151,22 @@ def test_pipes_and_devices_are_refused(tmp_path: Path) -> None:
 )
 def test_pipes_are_no_logs_and_runs(read: Callable[[Path], object], name: str, tmp_path: Path) -> None:
     """Who opened one would wait for somebody to write into it."""
-    os.mkfifo(tmp_path / name)
-    with pytest.raises(FileError, match=f"{name}: cannot be read .not a regular file"):
+    told = f"{name}: cannot be read .not a regular file"
+    with pipe(tmp_path / name), pytest.raises(FileError, match=told):
         read(tmp_path / name)
 
 
 def test_pipes_are_no_scenes(tmp_path: Path) -> None:
     pytest.importorskip("mujoco")
-    os.mkfifo(tmp_path / "scene.xml")
-    with pytest.raises(FileError, match="not a regular file"):
+    with pipe(tmp_path / "scene.xml"), pytest.raises(FileError, match="not a regular file"):
         MuJoCoPlant.of(tmp_path / "scene.xml", 1e-3)
 
 
 def test_pipes_are_no_traces_and_rows(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "trace.parquet")
     for read in (read_trace, lambda folder: read_checked(folder / "trace.parquet")):
-        with pytest.raises(FileError, match="not a regular file"):
+        with pipe(tmp_path / "trace.parquet"), pytest.raises(FileError, match="not a regular file"):
             read(tmp_path)
+        (tmp_path / "trace.parquet").unlink()
 
 
 def test_a_basis_file_beyond_its_size_is_refused(tmp_path: Path) -> None:
