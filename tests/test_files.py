@@ -189,6 +189,17 @@ def test_file_that_may_not_be_read(tmp_path: Path) -> None:
         read_toml(path, Whole)
 
 
+@pytest.mark.parametrize(
+    ("parts", "told"), [(16, "unknown|unexpected|contains"), (17, "of more than 16 parts at line 3")]
+)
+def test_a_key_of_too_many_parts_is_told_by_its_line(parts: int, told: str, tmp_path: Path) -> None:
+    """Python's parser takes a time that grows with their square, and then a stack as deep."""
+    path = tmp_path / "deep.toml"
+    path.write_text(f"# a comment\n\n{'.'.join('k' * parts)} = 1\n")
+    with pytest.raises(FileError, match=told):
+        read_toml(path, Whole)
+
+
 def test_file_that_is_too_large(tmp_path: Path) -> None:
     path = tmp_path / "large.toml"
     with path.open("wb") as file:
