@@ -31,6 +31,7 @@ from adaptctl.design import (
     simplifications,
     sphere,
 )
+from adaptctl.design.counterweights import _Search
 from adaptctl.design.mounting_bounds import bounds
 from adaptctl.design.study import _heaviest
 from adaptctl.dynamics import Mechanism
@@ -61,6 +62,13 @@ def test_of_many_links_the_six_that_may_carry_the_heaviest_do() -> None:
     every = bounds(arm, arm.description.body_names, 0.2, 0.5)
     masses = {places.link: places.mass for places in every}
     assert sorted(_heaviest(arm, every)) == sorted(sorted(masses, key=lambda link: -masses[link])[:6])
+
+
+def test_a_search_begins_without_counterweights_in_the_middle_of_their_places() -> None:
+    search = _Search(task(), (third(),), "energy", 7850.0)
+    masses, places = search.physical(search.drawn(0)[0])
+    assert masses.tolist() == [0.0]
+    np.testing.assert_allclose(places, [0.5 * (third().lower + third().upper)])
 
 
 @cache

@@ -13,8 +13,10 @@ from c_compiler import build, said
 from golden.capture import arms
 
 import adaptctl
+from adaptctl.codegen.c_program import _callees
 from adaptctl.codegen.gain_rules import gain_rules
 from adaptctl.codegen.interface import Interface, short_names, status_bits, status_of
+from adaptctl.compilation import outlined, trace
 from adaptctl.control import Controller, PDGravity, ReferencePoint, Sinusoids, SlotineLi
 from adaptctl.description import builtin_file
 from adaptctl.dynamics import Mechanism, load
@@ -151,3 +153,12 @@ def test_memory_that_is_put_back_may_be_used_in_the_torque_too(tmp_path: Path) -
     fast = Sinusoids([0.2, 0.4], [0.5, 0.5], [0.9, 0.9])
     made = adaptctl.export(law, tmp_path / "arm", name="arm", without_safety_filter=True, reference=fast)
     assert re.fullmatch(r"passed: .*\n", said(build(made.directory, "arm.c", "test_arm.c")))
+
+
+def test_functions_are_written_before_those_that_call_them() -> None:
+    """Also those that are called by none but a called one."""
+    inner = outlined(lambda a: a * a)
+    middle = outlined(lambda a: inner(a) + inner(2.0 * a))
+    found = _callees(trace(lambda x: Column((middle(x[0]), 3.0 * x[1])), {"x": 2}))
+    assert len(found) == 2
+    assert all(set(one.subroutines) <= set(found[:k]) for k, one in enumerate(found))

@@ -293,19 +293,20 @@ def recordings() -> Iterator[tuple[str, Callable[[Path], object]]]:
 @cache
 def design() -> tuple[Any, list[Any]]:
     """A study with a counterweight, and runs; none of them was searched for or run."""
-    from adaptctl import load
+    from random_trees import random_chain
+
     from adaptctl.design import DesignTask
     from adaptctl.design.counterweights import Counterweight, Counterweights
     from adaptctl.design.driving import Demand, DrivenArm
     from adaptctl.design.mounting_bounds import bounds
     from adaptctl.design.study import DesignStudy, named_body
 
-    task = DesignTask.within_limits(load("two_link"), 20)
+    task = DesignTask.within_limits(random_chain(2, 4), 20)
     every = bounds(task.mechanism, task.mechanism.description.body_names, 0.2, 0.5)
-    weight = Counterweight("upper", 0.4, np.array([-0.6, -0.2, 0.1]), 7850.0)
+    weight = Counterweight(every[0].link, 0.4, np.array([-0.6, -0.2, 0.1]), 7850.0)
     found = Counterweights(task, "energy", 1.0, every[:1], (weight,), 1)
     time = np.linspace(0.0, 2.0, 21)
-    values = np.stack([np.sin(time), np.cos(3.0 * time)], axis=1)
+    values = np.sin(np.outer(time, [1.0, 3.0, 0.5, 0.2]))
     runs = [
         DrivenArm(name, name, Demand(0.1, 0.05, 0.5, 3.0, 2.0, False), time, values, 0.1 * k * values, 9.0 * values)
         for k, name in enumerate(("all-before", "all-after", "few-before", "few-after"), 1)
