@@ -44,6 +44,11 @@ def test_what_is_the_default_now_is_said(line: tuple[str, ...], capsys: pytest.C
     assert "Unknown option: --snap, now the default; --as-written is its opposite" in capsys.readouterr().err
 
 
+def test_a_former_experiment_is_refused_with_the_command_that_replaced_it(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main((*RUN, "friction", "--seed", "1")) == 2
+    assert "replaced by: adaptctl experiment run laws --disturbance friction" in capsys.readouterr().err
+
+
 def test_a_former_setting_is_refused_with_the_new_one() -> None:
     with pytest.raises(TypeError, match=r"no setting 'halt' \(did you mean 'reference_stop'\?\)"):
         Laws(halt=1.0)
