@@ -13,6 +13,7 @@ from nightly import turn_by_turn
 from sampled_loops import RANGES, arm, full, gains, loop, posture, reduced, swinging
 
 from adaptctl.arrays import Array
+from adaptctl.compilation import trace
 from adaptctl.control import (
     AdaptationLaw,
     BoundedGainForgetting,
@@ -129,6 +130,15 @@ def test_a_bare_gain_is_gradient_adaptation() -> None:
     name, reference = "puma560_arm3", swinging(arm("puma560_arm3"))
     runs = [loop(on(name, law), arm(name), reference, 0.2) for law in (gain(name), Gradient(gain(name)))]  # type: ignore[arg-type]
     np.testing.assert_array_equal(runs[0].torque, runs[1].torque)
+
+
+def test_a_whole_gain_of_many_parameters_is_applied_in_loops() -> None:
+    """Written out, it was half of the code of a law, and nearly all of a humanoid's."""
+    gain, x = np.eye(20) + 0.1, np.arange(20.0)
+    law = Gradient(gain)
+    routine = trace(lambda gains, x: law.substituted(gains).applied(x), {"gains": 400, "x": 20}, name="applied")
+    assert len(routine.subroutines) == 1
+    np.testing.assert_allclose(law.applied(column(x)).of, gain @ x, rtol=1e-12)
 
 
 def test_the_dead_zone_stands_still_within() -> None:

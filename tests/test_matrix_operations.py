@@ -42,6 +42,8 @@ def operation_and_arguments(name: str, k: int, r: int, rng: np.random.Generator)
     match name:
         case "product":
             return symmetric._product(k), [A, b]
+        case "rows":
+            return symmetric._rows_product(k), [positive(rng, k).ravel(), b]
         case "solve":
             return symmetric._solver(k), [A, b, np.ones(1)]
         case "rank":
@@ -62,7 +64,8 @@ def operation_and_arguments(name: str, k: int, r: int, rng: np.random.Generator)
     return symmetric._updater(k, r, learns=learns), [A, b, W, *shares, np.array([0.8])]
 
 
-NAMES = pytest.mark.parametrize("name", ["product", "solve", "rank", "scale", "recall", "stack", "learn", "forget"])
+OPERATIONS = ["product", "rows", "solve", "rank", "scale", "recall", "stack", "learn", "forget"]
+NAMES = pytest.mark.parametrize("name", OPERATIONS)
 
 
 @pytest.mark.parametrize("lanes", [1, 4])

@@ -40,6 +40,11 @@ def symmetric_product(entries: Column, x: Column) -> Column:
     return _product(len(x))(entries, x)[0]
 
 
+def rows_product(rows: Sequence[Column], x: Column) -> Column:
+    """Product A x of a symmetric matrix, all rows of which are given, and a vector."""
+    return _rows_product(len(x))(joined(rows), x)[0]
+
+
 def solve(entries: Column, right: Column, shift: float = 0.0) -> Column:
     """Solution x of (A + shift 1) x = b, with 0 along pivots that rounding alone may have made positive."""
     return _solver(len(right))(entries, right, Column((shift,)))[0]
@@ -105,6 +110,17 @@ def _product(k: int) -> MatrixOperation:
             out[j] = y[0, j]
 
     return MatrixOperation(symmetric_product, [Triangle(k), matrix(1, k)], [vector(k)], k)
+
+
+@cache
+def _rows_product(k: int) -> MatrixOperation:
+    def rows_product(m: Interpreter, A: Any, x: Any, out: Any) -> None:
+        y = m.scratch(1, k)
+        _multiply(m, A, copied(m, x, 1, k), y, 1, k)
+        for j in m.columns(0, k):
+            out[j] = y[0, j]
+
+    return MatrixOperation(rows_product, [matrix(k, k), matrix(1, k)], [vector(k)], k)
 
 
 @cache
