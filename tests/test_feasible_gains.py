@@ -126,6 +126,16 @@ def test_joints_that_a_small_push_moves_far_are_told() -> None:
     assert told([9.0, 9.0], changed(lambda joint: replace(joint, limits=Limits()), 0)).startswith("elbow: ")
 
 
+def test_gains_hold_without_the_friction_of_the_file() -> None:
+    """Stable is below 2."""
+    stiff = ARM.with_drives([Drive(viscous=1e5), Drive(viscous=1e5)])
+    p, limits = np.random.default_rng(0).uniform(-1.0, 1.0, (20, 2)), np.full(2, 1e9)
+    damping = feasible_gains(stiff, limits, p, np.full(2, 0.1), 1e-3, 4.0, 0.5).gains.damping
+    root = np.sqrt(damping)
+    free = np.linalg.eigvalsh(1e-3 * root[:, None] * np.linalg.inv(ARM.mass_matrix(p)) * root)[:, -1].max()
+    assert free == pytest.approx(1.0, rel=1e-6)
+
+
 def test_shares_at_rest_are_of_gravity_and_coulomb_friction() -> None:
     level = Sinusoids(np.zeros(2), np.zeros(2), np.ones(2))
     # lever arms of the two centres of mass are 0.2 and 0.55 m, and 0.15 m about the elbow

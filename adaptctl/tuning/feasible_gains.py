@@ -18,6 +18,7 @@ from adaptctl.tuning.feasible_reference import motion_ranges
 
 DAMPING_TORQUE_SHARE = 0.5  # of a torque limit, for damping at the initial error
 ACCELERATION_SHARE = 0.3  # of a torque limit, to correct the initial error
+FREE_SHARE = 0.5  # of the bound of T lambda_max(M^-1 K) without viscous friction, which may be less than in the file
 SEARCH_STEPS, GROWTH_STEPS, GROWTH = 150, 120, 1.08
 REFERENCE_MARGIN = 0.2  # rad (m)
 MAX_INITIAL_ERROR = 0.1  # rad (m), and of a joint's range
@@ -48,7 +49,9 @@ def feasible_gains(
     rates = np.asarray(np.minimum(bandwidth, reachable), dtype=np.float64)
     inverse = _inverse(mechanism, p, M, control_period)
     affordable = np.asarray(DAMPING_TORQUE_SHARE * limits / (rates * off), dtype=np.float64)
-    damping = _largest_damping(inverse, control_period, hold, affordable)
+    damping = _largest_damping(
+        inverse, control_period, hold, affordable, np.asarray(np.linalg.inv(M), dtype=np.float64)
+    )
     free = 1.0 / np.diagonal(inverse, axis1=1, axis2=2).max(axis=0)
     return FeasibleGains(Gains(rates, damping), damping < 0.99 * affordable, free, reachable < bandwidth)
 
@@ -62,9 +65,10 @@ def _inverse(mechanism: Mechanism, p: Array, M: Array, control_period: float) ->
     return np.asarray(np.linalg.inv(sampled_inertia(mechanism, p, M, control_period)), dtype=np.float64)
 
 
-def _largest_damping(inverse: Array, control_period: float, hold: float, affordable: Array) -> Array:
-    """Largest damping (r,): joints grow alike, and those at the limit shrink."""
+def _largest_damping(inverse: Array, control_period: float, hold: float, affordable: Array, free: Array) -> Array:
+    """Largest damping (r,): joints grow alike, and those at the limit shrink, also without the file's friction."""
     typical = np.median(1.0 / np.diagonal(inverse, axis1=1, axis2=2), axis=0)
+    inverse = np.concatenate((inverse, FREE_SHARE * free))
     damping = np.minimum(hold / control_period * typical, affordable)
     for k in range(SEARCH_STEPS):
         number, shares = _worst(inverse, control_period, damping)
