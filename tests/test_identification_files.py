@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import re
+from contextlib import redirect_stdout
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -45,14 +47,12 @@ from adaptctl.simulation import Rollout
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """An example identified in one command."""
+    """An example identified in one command, which tells the next one."""
     out = tmp_path_factory.mktemp("identified") / "out"
-    assert (
-        main(
-            ["identify", "tx40", "--out", str(out), "--friction", "viscous,coulomb,square_root", "--prior-weight", "5"]
-        )
-        == 0
-    )
+    line = ["identify", "tx40", "--out", str(out), "--friction", "viscous,coulomb,square_root", "--prior-weight", "5"]
+    with redirect_stdout(StringIO()) as said:
+        assert main(line) == 0
+    assert f"adaptctl tune {out / 'robot.toml'}" in said.getvalue()
     return out
 
 

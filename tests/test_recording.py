@@ -369,6 +369,7 @@ def _odd(path: Path) -> SimpleNamespace:
     return SimpleNamespace(store=lambda: SimpleNamespace(schema=lambda: None))
 
 
+@pytest.mark.filterwarnings("default")  # as users have them
 @pytest.mark.parametrize("reader", [_cut_off, _odd])
 def test_a_recording_that_cannot_be_read_back_is_not_kept(
     reader: Callable[[Path], object], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shown: Comparison

@@ -66,6 +66,14 @@ def test_draws_pick_true_or_false() -> None:
     made = SweepStudy.named("adaptive", SHORT | {"as_written": "false,true"}, sampling="sobol", samples=8)
     assert {run["as_written"] for run in made.runs()} == {False, True}
     assert all(isinstance(run["as_written"], bool) for run in made.runs())
+    entry = next(entry for entry in fields(made.kind) if entry.name == "as_written")
+    assert [made._drawn(entry, share) for share in (0.0, 0.49, 0.51, 1.0)] == [False, False, True, True]
+
+
+def test_a_range_has_two_ends() -> None:
+    for ends in ("4..4", "4..3"):
+        with pytest.raises(InputError, match="ascending range"):
+            SweepStudy.named("adaptive", {"bandwidth": ends})
 
 
 def test_best_settings_are_read_back_whatever_they_are(tmp_path: Path) -> None:
