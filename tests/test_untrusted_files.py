@@ -7,8 +7,10 @@ import re
 import time
 import warnings
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from bad_files import CHAIN, CONSTRAINTS, GOOD, PRIORITY, URDF, bad_bases, bad_files, pipe
@@ -167,6 +169,16 @@ def test_pipes_are_no_traces_and_rows(tmp_path: Path) -> None:
         with pipe(tmp_path / "trace.parquet"), pytest.raises(FileError, match="not a regular file"):
             read(tmp_path)
         (tmp_path / "trace.parquet").unlink()
+
+
+def test_what_files_say_is_known_or_refused() -> None:
+    """In every table of a format of our own; others' formats, and a run's summary, may say more."""
+    places = [path for path in Path("adaptctl").rglob("*.py") if "(msgspec.Struct" in path.read_text()]
+    modules = [import_module(".".join(path.with_suffix("").parts)) for path in places]
+    tables = {one for module in modules for one in vars(module).values() if isinstance(one, type(msgspec.Struct))}
+    assert len(tables) > 25
+    lenient = {one.__module__.rpartition(".")[2] for one in tables if not one.__struct_config__.forbid_unknown_fields}
+    assert lenient == {"registry", "foxglove", "run_table"}
 
 
 def test_a_basis_file_beyond_its_size_is_refused(tmp_path: Path) -> None:
