@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +15,7 @@ from random_loops import RECIPES, random_loop
 from random_trees import random_chain
 from synthetic_logs import joint_drives
 
+from adaptctl.cli.excite import _print
 from adaptctl.cli.main import main
 from adaptctl.control import MotionLimits
 from adaptctl.dynamics import Mechanism, load
@@ -253,3 +257,24 @@ def test_motions_of_loops_keep_away_from_singularities(name: str) -> None:
     motion = exciting_motion(mechanism, RobotLimits.of(mechanism, 0.8), iterations=1)
     assert keeps_regular(mechanism, motion.sampled(50.0)[1]).all()
     assert np.isfinite(mechanism.inverse_dynamics(*motion.sampled(50.0)[1:4])).all()
+
+
+def test_the_outcome_is_told_with_what_it_leaves_open_and_what_comes_next(capsys: pytest.CaptureFixture[str]) -> None:
+    combinations = [SimpleNamespace(words=f"words {k}", strength=0.5 + k) for k in range(7)]
+    predicted: Any = SimpleNamespace(
+        condition=123.4, relative=np.array([0.05, 0.0999, 0.1, 3.0]), combinations=combinations
+    )
+    motions: Any = {"excitation": SimpleNamespace(duration=10.04), "validation": SimpleNamespace(duration=7.25)}
+    for collisions, word in ((True, "checked"), (False, "not checked")):
+        _print(motions, predicted, collisions, Path("out"))
+        told = capsys.readouterr().out
+        rows = dict(re.findall(r"^  (\S.*?)  +(\S.*)$", told, re.MULTILINE))
+        assert "10.0 s and 7.2 s" in told
+        assert rows["condition of the scaled regressor"] == "123"
+        assert rows["parameters known to 10 %"] == "2 of 4"
+        assert rows["self-collision"].startswith(word)
+        assert re.findall(r"words (\d) .* (\S+)\)", told) == [(str(k), f"{0.5 + k:.2g}") for k in range(5)]
+        assert [word in told for word in ("out/excitation.csv", "out/validation.csv", "out/excitation.rrd")] == [
+            True
+        ] * 3
+        assert "adaptctl identify" in told
