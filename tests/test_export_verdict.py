@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,6 +16,7 @@ from nightly import at_night
 from test_export import exported
 
 import adaptctl
+from adaptctl.cli.export import _print
 from adaptctl.cli.main import main
 from adaptctl.codegen.closed_loop_check import _motion, _unlearned, centre, check_closed_loop, default_reference
 from adaptctl.codegen.interface import Interface
@@ -180,3 +182,26 @@ def test_a_check_can_be_repeated_from_what_it_states() -> None:
     numbers = json.loads(json.dumps(found["reference"]))
     assert numbers.pop("kind") == "Sinusoids"
     assert check_closed_loop(interface, Sinusoids(**numbers), 0.5) == found
+
+
+def test_the_outcome_is_told_with_its_check_its_memory_and_how_to_test_it(capsys: pytest.CaptureFixture[str]) -> None:
+    check = {"rms_error_first_10_s": 0.0123, "rms_error_last_10_s": 0.00045, "duration": 600.0, "failure": None}
+    manifest = {"flops": 1470, "control_period": 2e-3, "guarded": True, "check": check, "state_bytes": 320}
+    told = []
+    for more in ({"stack_bytes_about": 100}, {"stack_bytes_about": 10**7, "check": check | {"failure": "it fell"}}):
+        done: Any = SimpleNamespace(
+            directory=Path("my arm"), files=["arm.c", "arm.h"], name="arm", manifest=manifest | more
+        )
+        _print(done, "mrad")
+        told.append(capsys.readouterr().out)
+    assert told[0].splitlines()[0] == "my arm: arm.c, arm.h"
+    for words in ("1470 operations", "every 0.002 s; with safety", "RMS error 12.3 mrad, final 0.45 mrad", "320 bytes"):
+        assert words in told[0]
+    assert "cd 'my arm' && cc -std=c99 arm.c test_arm.c -lm" in told[0]
+    assert ["--law slotine-li" in text for text in told] == [False, True]
+    assert ["it fell" in text for text in told] == [False, True]
+    bare = {"flops": 9, "control_period": 1.0, "guarded": False, "check": None}
+    _print(SimpleNamespace(directory=Path("d"), files=["a"], name="arm", manifest=bare), "mrad")  # type: ignore[arg-type]
+    last = capsys.readouterr().out
+    assert "without safety" in last
+    assert not re.search("checked|state|cc ", last)
