@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -119,6 +120,10 @@ def test_tables_7_and_8_to_their_digits(item: Callable[[str], Item]) -> None:
     assert sum(check.exact for check in item("table7").checks) == 53
     as_printed, rounded = values(item("table7"), "half unit")
     assert as_printed > 1.0 > rounded
+    assert rounded == pytest.approx(0.7831, abs=2e-4)  # with exact masses and zeros, and nothing else exact
+    off = re.search(r"to within (\S+);", item("table7").summary)
+    assert off is not None
+    assert 5e-4 < float(off[1]) < 9e-4  # half a digit, and the tolerance
     assert sum(check.exact for check in item("table8").checks) == 33
 
 
