@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,7 @@ from adaptctl.design import (
 )
 from adaptctl.design.counterweights import _Search
 from adaptctl.design.mounting_bounds import bounds
+from adaptctl.design.picture import _moved
 from adaptctl.design.study import _heaviest
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, NonFiniteError
@@ -55,6 +57,17 @@ def single() -> DesignTask:
     ten = from_center_of_mass(2.0, [0.3, 0.0, 0.0], 0.1 * np.eye(3))
     link = Link("arm", -1, Joint("turn", axis=np.array([0.0, 1.0, 0.0])), Pose.identity(), Pose.identity(), ten)
     return DesignTask.within_limits(Mechanism(Description("pendulum", (link,))), 50)
+
+
+def test_an_arm_that_was_not_run_swings_and_a_loop_less_but_for_its_first_joint() -> None:
+    for robot, sizes in (("two_link", [0.25, 0.25]), ("semi_direct_drive", [0.25, 0.125, 0.125])):
+        arm = adaptctl.load(robot)
+        study: Any = SimpleNamespace(task=SimpleNamespace(mechanism=arm))
+        time, p = _moved(study, [])
+        assert (time[0], time[-1]) == (0.0, 6.0)
+        for j, size in enumerate(sizes):
+            expected = size * np.sin(2.0 * np.pi * (j + 1) * time / 6.0)
+            np.testing.assert_allclose(p[:, j] - arm.neutral_configuration[j], expected, atol=1e-12)
 
 
 def test_of_many_links_the_six_that_may_carry_the_heaviest_do() -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import warnings
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import gymnasium
 import mujoco
@@ -18,6 +20,7 @@ from adaptctl.cli.main import main
 from adaptctl.control import ComputedTorque, Sinusoids
 from adaptctl.description import builtin_file
 from adaptctl.description.drive import Drive
+from adaptctl.description.readers.mujoco_arm import servo
 from adaptctl.dynamics import Mechanism
 from adaptctl.envs import MuJoCoTrackingEnv
 from adaptctl.errors import (
@@ -146,6 +149,32 @@ def test_equalities_of_the_rest_are_left_out_and_those_between_arms_refused(tmp_
 
 
 @pytest.mark.filterwarnings("ignore::adaptctl.errors.PlausibilityWarning")
+@pytest.mark.parametrize(
+    ("kinds", "gain", "bias", "said"),
+    [
+        ((0, 0, 0), [5.0, 7.0, 9.0], [0.0, -5.0, -1.0], ""),
+        ((1, 0, 0), [5.0, 7.0, 9.0], [0.0, 0.0, 0.0], "actuator dynamics"),
+        ((0, 0, 1), [5.0, 7.0, 9.0], [2.0, -5.0, -1.0], "a position servo"),
+        ((0, 0, 1), [5.0, 7.0, 9.0], [2.0, 0.0, -5.0], "a velocity servo"),
+        ((0, 0, 1), [5.0, 7.0, 9.0], [2.0, -1.0, -5.0], "state-dependent force"),
+        ((0, 0, 1), [0.0, 7.0, 9.0], [2.0, 0.0, 0.0], "state-dependent force"),
+        ((0, 1, 1), [5.0, 7.0, 9.0], [2.0, -5.0, 0.0], "state-dependent force"),
+        ((0, 1, 1), [5.0, 7.0, 9.0], [2.0, 0.0, -5.0], "state-dependent force"),
+    ],
+)
+def test_servos_are_told_by_gain_and_bias(
+    kinds: tuple[int, int, int], gain: list[float], bias: list[float], said: str
+) -> None:
+    """MuJoCo's force is gain u + bias: constants and factors of position and of velocity."""
+    names = ("actuator_dyntype", "actuator_gaintype", "actuator_biastype")
+    model: Any = SimpleNamespace(
+        **{name: [kind] for name, kind in zip(names, kinds, strict=True)},
+        actuator_gainprm=[gain],
+        actuator_biasprm=[bias],
+    )
+    assert servo(model, 0) == said
+
+
 def test_servos_are_named_as_what_they_are(tmp_path: Path) -> None:
     path = written(tmp_path, mjcf(STAND, SERVO))
     with pytest.warns(SimplificationWarning, match=r"without torque input .*'hold' \(a position servo\)"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +19,18 @@ from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.recursion.kinematics import link_poses
 from adaptctl.envs import Puma560TrackingEnv
 from adaptctl.envs.contact import surroundings_of
-from adaptctl.envs.rendering import OVERSAMPLING, Camera, ConvexPart, Renderer, _pixels, _spacing, box_hits, intersect
+from adaptctl.envs.rendering import (
+    HORIZON,
+    OVERSAMPLING,
+    ZENITH,
+    Camera,
+    ConvexPart,
+    Renderer,
+    _pixels,
+    _spacing,
+    box_hits,
+    intersect,
+)
 from adaptctl.recording.drawing import GOAL
 from adaptctl.recording.skeleton import skeleton, tip_path
 
@@ -248,3 +260,15 @@ def test_a_wall_is_drawn_before_and_behind_the_arm(puma: Mechanism) -> None:
     assert changed[int(y), int(x)]
     assert 0.02 < changed.mean() < 0.5
     assert not changed[:, :40].any()
+
+
+def test_the_sky_darkens_upwards_and_the_floor_fades_into_its_foot(renderer: Renderer) -> None:
+    """By where rays end: straight up, less than half as steep, above the horizon, and far away on the floor."""
+    seen = copy(renderer)
+    slopes = np.array([1.0, 0.41, 0.2, 1e-12, -1e-3])
+    seen._rays = np.stack([np.sqrt(1.0 - slopes**2), 0.0 * slopes, slopes], axis=-1)[None]
+    (colors,), (on_floor,), (ground,) = seen._background(1.0)
+    np.testing.assert_array_equal(on_floor, [False] * 4 + [True])
+    expected = [ZENITH, ZENITH, 0.5 * (HORIZON + ZENITH), HORIZON, HORIZON]
+    np.testing.assert_allclose(colors, expected, atol=1e-9)
+    assert ground[-1, 2] == pytest.approx(seen._floor)
