@@ -281,6 +281,7 @@ def mean_of(blocks: list[Array], prior: float, precision: float, weight: float =
         prior_of=lambda settings: links,
         blocks=len(blocks),
         equations=equations,
+        independent=lambda settings: np.array([0]),
     )
     settings = SimpleNamespace(columns=lambda mechanism: np.ones(1), weight=weight, cutoff=10.0)
     return evidence, SimpleNamespace(settings=settings, x=x, curvature=np.array([[float(count)]]), deviations=None)

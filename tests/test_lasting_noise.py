@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from synthetic_logs import known
@@ -45,4 +47,5 @@ def test_noise_that_lasts_is_told_from_other(colour: float, lasts: bool) -> None
     settings = FitSettings(FrictionModel(), 1.0, evidence.band, 0.02)
     assert bool(lasting_times(evidence, settings)) is lasts
     assert bool(choose(evidence, FrictionModel(), 1.0, evidence.band).settings.lasting) is lasts
+    assert lasting_times(evidence, replace(settings, left_out=(1,)))[1:] in ((), (0.0,))
     assert max(lasting_times(evidence.part(range(6)), settings), default=0.0) < 1.0  # of 9 s

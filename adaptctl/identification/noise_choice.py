@@ -51,9 +51,10 @@ def _told_by(evidence: LogEvidence, settings: FitSettings, x: Array, columns: ND
     error, share, found = rows.regressor @ x - rows.torque, len(columns) / used.shape[1], list[_Told]()
     for j, here in enumerate(used.T):
         own = error[here, j]
-        weight = 1.0 / (np.sqrt(np.mean(own**2)) or 1.0) if len(own) else 0.0
+        weight = 1.0 / (np.sqrt(np.mean(own**2)) or 1.0) if here.any() else 0.0
         Y = weight * rows.regressor[here, j][:, columns]
-        found.append(_Told(Y.T @ Y, lasting_covariance(Y, weight * own, share)))
+        score = lasting_covariance(Y, weight * own, share) if here.any() else np.zeros((len(columns), len(columns)))
+        found.append(_Told(Y.T @ Y, score))
     return found
 
 
