@@ -97,6 +97,10 @@ BAD: dict[str, tuple[Spoil, str]] = {
         "'motor_position_2' is 1 in every row: the joint is",
     ),
     "constant torque": (put("motor_torque_4", slice(None), 0.0), "'motor_torque_4' is 0 in every row: no torque was"),
+    "torque of a position": (
+        lambda log: log.update({"motor_torque_5": log["motor_position_5"]}),
+        "'motor_position_5' and 'motor_torque_5' have the same numbers",
+    ),
     "NaN": (
         put("motor_torque_1", slice(7, 9), np.nan),
         r"'motor_torque_1' .*: 2 of 2500 rows not finite, the first is row 8 \(nan\)",

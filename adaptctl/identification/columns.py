@@ -56,6 +56,7 @@ def joint_log(log: LogTable, drives: Drives, sample_rate: float | None = None) -
     still = [f"the joint is at rest throughout; if it is held, lock it: --lock {name}" for name in names]
     _validate_change(log, [m.position for m in drives.motors], position, still)
     _validate_change(log, [m.torque for m in drives.motors], torque, ["no torque was logged"] * len(names))
+    _validate_differ(log, drives, position, torque)
     _validate_counted(log, drives, position)
     constants = np.nan_to_num(drives.constants, nan=1.0)
     return JointLog(
@@ -146,6 +147,15 @@ def _validate_change(log: LogTable, names: list[str], values: Sequence[Array], m
             raise FileError(
                 f"{log.source}: column {name!r} is {log.columns[name][0]:g} in every row: {meaning}; or give "
                 "another column or log"
+            )
+
+
+def _validate_differ(log: LogTable, drives: Drives, position: Sequence[Array], torque: Sequence[Array]) -> None:
+    for motor, own, other in zip(drives.motors, position, torque, strict=True):
+        if np.array_equal(own[:MIN_SAMPLES], other[:MIN_SAMPLES]) and np.array_equal(own, other):
+            raise FileError(
+                f"{log.source}: columns {motor.position!r} and {motor.torque!r} have the same numbers, but are "
+                f"position and torque of {motor.name}; give another column or log"
             )
 
 

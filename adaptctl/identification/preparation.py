@@ -18,6 +18,7 @@ from adaptctl.errors import InputError
 from adaptctl.identification.columns import JointLog
 from adaptctl.identification.convolution import convolved, windowed_sinc
 from adaptctl.identification.exchanged_columns import exchanged_words
+from adaptctl.identification.late_stamps import are_even
 from adaptctl.logs.on_disk import each_column, of_columns, release, rowwise
 
 # Length of a kernel, in periods of its cut-off.
@@ -115,10 +116,6 @@ def prepare(
     steps = [PreparationStep(name, "skipped") for name in STEPS if name in skip]
     pieces = list(_pieces(log))
     _validate_plausible_rate(log)
-    if "resample" not in skip:
-        done = [_resampled(piece) for piece in pieces]
-        pieces = [piece for piece, _ in done]
-        steps.append(PreparationStep("resample", _resampling([how for _, how in done], len(pieces))))
     if "unwrap" not in skip:
         turned = [_unwrapped(piece, mechanism) for piece in pieces]
         pieces = [piece for piece, _ in turned]
@@ -127,6 +124,10 @@ def prepare(
                 "unwrap", f"{sum(count for _, count in turned)} jumps by full turns removed from the angles"
             )
         )
+    if "resample" not in skip:
+        done = [_resampled(piece) for piece in pieces]
+        pieces = [piece for piece, _ in done]
+        steps.append(PreparationStep("resample", _resampling([how for _, how in done], len(pieces))))
     speeds = [_speed(piece) for piece in pieces]
     if "velocities" not in skip:
         steps.append(PreparationStep("velocities", _compared(log.source, pieces, speeds, mechanism)))
@@ -185,6 +186,9 @@ def _resampled(log: JointLog) -> tuple[JointLog, str]:
     off = float(np.abs(log.time - even).max() * (len(log) - 1) / (log.time[-1] - log.time[0]))
     if off <= MAX_JITTER:
         return log, f"even at {1.0 / np.mean(steps):.6g} Hz"
+    if are_even(log.position, log.time, even):
+        how = f"stamps {steps.min():.3g} to {steps.max():.3g} s apart, of samples that are even, as positions show"
+        return replace(log, time=even), f"{how}: taken at {1.0 / np.mean(steps):.4g} Hz"
 
     def lines(values: Array) -> Array:
         return of_columns((np.interp(even, log.time, column) for column in each_column(values)), *values.shape)
