@@ -16,7 +16,7 @@ from adaptctl.control.adaptation.steady_weight import WeightSums
 from adaptctl.control.adaptation.symmetric import rank_update, solve
 from adaptctl.description.inertia import PARAMETERS
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, Scalar, absolute, maximum, minimum, where
+from adaptctl.scalars import Column, Scalar, absolute, maximum, minimum, sqrt, where
 
 WINDOW, MIN_TIME = 1.0, 0.45
 """s: time constant of the sums, and the time they hold at least for a verdict, what 0.6 s of a steady stream leave"""
@@ -27,6 +27,10 @@ MAX_LOSS, SLACK_TIME = 0.95, 0.005
 INERTIA_ERROR, WHOLE = 0.1, 1e-6
 """share of its trace by which a payload's inertia may be negative; singular value, relative to the largest, above which
 all ten parameters have an effect"""
+COMPACT, RADIUS = 0.1, 0.3
+"""share of a point mass's inertia, and m of a radius of gyration, by which a load's inertia may differ from it"""
+REACH, LEAST_LOAD = 1.0, 0.01
+"""m from the last link's frame to a load at most; kg below which no load is more compact"""
 MIN_SPREAD = 1e-12
 """variance of the times, relative to the weight, below which a slope says nothing"""
 
@@ -147,7 +151,29 @@ class PayloadTest:
         payload = full * where(left < MAX_LEFT * whole, 1.0, 0.0) * self._is_a_body(own, change, step)
         better = where(left < MAX_LEFT_RATIO * pushed, 1.0, step.announced)
         contact = full * where(pushed - usual < MAX_LEFT * whole, 1.0, 0.0) * (1.0 - payload * better)
-        return LoadVerdict(payload * better, contact, change, PayloadSums(normal, right, after, weight))
+        taken = self._change(self._compact(own, normal + self._prior, right))
+        return LoadVerdict(payload * better, contact, taken, PayloadSums(normal, right, after, weight))
+
+    def _compact(self, own: Column, normal: Column, right: Column) -> Column:
+        """Load (10,) that explains the misses about as well as its best fit does, with an inertia near a point mass's.
+
+        Within a second few motions tell inertias, while the weight tells mass and center."""
+        if not self._tells_mass:
+            return own
+        point, weight = _point_mass(own)
+        entries, pulled = list(normal), list(right)
+        for i, x in enumerate(point, start=4):
+            place = 10 * i - i * (i - 1) // 2
+            entries[place], pulled[i] = entries[place] + weight, pulled[i] + weight * x
+        return solve(Column(entries), Column(pulled))
+
+    @property
+    def _tells_mass(self) -> bool:
+        """True if the mass has an effect that the other nine have not."""
+        sizes = np.maximum(np.abs(self._effect).max(axis=0), 1e-300)
+        _, values, rows = np.linalg.svd(self._effect / sizes)
+        told = rows[: len(values)][values > WHOLE * values[0], 0]
+        return bool(told @ told > 1.0 - WHOLE)
 
     def _is_a_body(self, own: Column, change: Column, step: JudgedPeriod) -> Scalar:
         """1 if a body can come or go so, else 0: a load that a push or friction feigns has other inertias.
@@ -180,6 +206,17 @@ class PayloadTest:
         inverse, effect = Column(1.0 / x for x in self.gain), self._effect
         pairs = ((i, j) for i in range(10) for j in range(i, 10))
         return Column(_combined(effect[:, i] * effect[:, j], inverse) for i, j in pairs)
+
+
+def _point_mass(ten: Column) -> tuple[list[Scalar], Scalar]:
+    """Inertia (6,) about the frame of a point of ten parameters' mass and center, and its weight in 1/(kg m^2)^2."""
+    m, x, y, z = list(ten)[:4]
+    square = x * x + y * y + z * z
+    size = maximum(maximum(absolute(m), sqrt(square) * (1.0 / REACH)), LEAST_LOAD)
+    each = where(m < 0.0, -1.0, 1.0) / size
+    inertia = (square - x * x, -(x * y), square - y * y, -(x * z), -(y * z), square - z * z)
+    width = (2.0 * COMPACT) * square / size + (RADIUS * RADIUS) * size
+    return [each * one for one in inertia], 1.0 / (width * width)
 
 
 def _is_an_inertia(ten: Column, slack: Scalar) -> Scalar:

@@ -1,0 +1,60 @@
+"""Loads whose inertia a short motion does not tell, which are taken as compact."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import adaptctl
+from adaptctl.arrays import Array
+from adaptctl.control.adaptation.payload_test import PayloadTest
+from adaptctl.identifiability import ReducedModel
+from adaptctl.scalars import column
+
+MASS, CENTER = 2.0, np.array([0.1, -0.05, 0.4])
+OWN = np.diag([0.17, 0.16, 0.02])
+"""kg m^2 about the center of mass, as of a rod of 1 m"""
+
+
+@lru_cache
+def judge(robot: str) -> PayloadTest:
+    arm = adaptctl.load(robot)
+    model = ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
+    return PayloadTest(model, column(np.ones(len(model.names))))
+
+
+def ten(mass: float, inertia: Any = 0.0) -> Array:
+    """Parameters of a load with an inertia about its center of mass."""
+    about = mass * (CENTER @ CENTER * np.eye(3) - np.outer(CENTER, CENTER)) + np.sign(mass) * inertia
+    return np.array([mass, *mass * CENTER, *about[np.tril_indices(3)]])
+
+
+def taken(robot: str, load: Array, told: float) -> Array:
+    """Load by misses that tell weights well and inertias by so much."""
+    known = np.diag([1e4] * 4 + [told] * 6)
+    normal, right = column(known[np.triu_indices(10)]), column(known @ load)
+    own = column(np.where(np.arange(10) < 4, load, 0.0 if told < 1.0 else load))
+    return np.array(list(judge(robot)._compact(own, normal, right)))
+
+
+@pytest.mark.parametrize("mass", [MASS, -MASS])
+def test_what_is_not_told_of_a_load_is_that_of_a_point_mass(mass: float) -> None:
+    """Taken or dropped; of one that is a rod, its weight stays right."""
+    assert taken("puma560_measured", ten(mass), 1e-6) == pytest.approx(ten(mass), abs=1e-3)
+    rod = taken("puma560_measured", ten(mass, OWN), 1e-6)
+    assert rod[:4] == pytest.approx(ten(mass)[:4], abs=1e-3)
+
+
+def test_what_is_told_of_a_load_is_believed() -> None:
+    assert taken("puma560_measured", ten(MASS, OWN), 1e4) == pytest.approx(ten(MASS, OWN), abs=0.01)
+
+
+def test_without_a_mass_of_its_own_no_center_is_known() -> None:
+    """A single joint feels the product of a load's mass and distance."""
+    arm = adaptctl.load("two_link").locked(("shoulder",))
+    model = ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
+    assert not PayloadTest(model, column(np.ones(len(model.names))))._tells_mass
+    assert judge("puma560_measured")._tells_mass
