@@ -19,7 +19,7 @@ from adaptctl.errors import FileError, InputError
 from adaptctl.identification.columns import JointLog, joint_columns, joint_log
 from adaptctl.identification.log_files import read_log
 from adaptctl.identification.preparation import prepare
-from adaptctl.logs.arrow import forget
+from adaptctl.logs.arrow import forget, numbers
 
 ARM = arm(REVOLUTE, REVOLUTE)
 T = np.arange(400) / 100.0
@@ -345,3 +345,13 @@ def test_what_has_been_read_is_forgotten(tmp_path: Path) -> None:
     forget(tables)
     assert not tables
     assert pa.total_allocated_bytes() < held
+
+
+@pytest.mark.parametrize("begin", [2**53 - 1, 2**53 + 1, -(2**53) - 9, 2**61])
+def test_whole_numbers_that_floats_cannot_tell_apart_keep_their_differences(begin: int) -> None:
+    [column] = numbers("stamp", pa.array([*(begin + k for k in (0, 1, 5, 8)), None]))
+    assert [column.values[k] - column.values[0] for k in range(4)] == [0.0, 1.0, 5.0, 8.0]
+    assert np.isnan(column.values[4])
+    assert column.first == begin
+    [small] = numbers("stamp", pa.array([0, 2**52]))
+    assert (small.first, small.values.tolist()) == (None, [0.0, 2.0**52])
