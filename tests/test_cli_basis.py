@@ -6,7 +6,9 @@ import io
 import json
 import os
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,8 +16,9 @@ import pytest
 from rich.console import Console
 from robot_files import urdf
 
-from adaptctl.cli.basis import report
+from adaptctl.cli.basis import report, spectrum
 from adaptctl.cli.main import main
+from adaptctl.cli.output import print_parts
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
@@ -205,3 +208,23 @@ def flat_arm(folder: Path, twist: float) -> str:
     head = 'schema = "adaptctl/denavit-hartenberg/1"\nconvention = "standard"\ngravity = [0, -9.81, 0]\n'
     (folder / "flat.toml").write_text(head + links)
     return str(folder / "flat.toml")
+
+
+@pytest.mark.parametrize(("count", "rank"), [(60, 36), (20, 9), (9, 9), (5, 1)])
+def test_singular_values_are_listed_at_the_ends_and_about_the_rank(
+    count: int, rank: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With dots for those that are left out, and a line where round-off begins."""
+    values = np.concatenate([np.geomspace(50.0, 0.05, rank), np.full(count - rank, 1e-19)])
+    print_parts([spectrum(SimpleNamespace(singular_values=values, rank=rank))])  # type: ignore[arg-type]
+    rows = [line.split() for line in capsys.readouterr().out.splitlines() if line.strip()]
+    told = [row[0] for row in rows]
+    bars = {int(row[0]): len(row[2]) for row in rows if row[-1].startswith("#")}
+    assert max(bars, key=lambda k: bars[k]) == 1
+    for k, length in bars.items():
+        assert length == pytest.approx(bars[1] * (1.0 + np.log10(values[k - 1] / 50.0) / 18.0), abs=0.51)
+    near = [k for k in range(1, count + 1) if k <= min(2, rank) or k == count or rank - 6 < k <= rank + 6]
+    expected = list[str]()
+    for before, k in pairwise([0, *near]):
+        expected += ["..."] * (k > before + 1) + ["----"] * (k == rank + 1) + [str(k)]
+    assert told == expected
