@@ -148,7 +148,6 @@ def test_equalities_of_the_rest_are_left_out_and_those_between_arms_refused(tmp_
         Mechanism.from_mujoco(mujoco.MjModel.from_xml_string(mjcf(gripper, across)), "stand")
 
 
-@pytest.mark.filterwarnings("ignore::adaptctl.errors.PlausibilityWarning")
 @pytest.mark.parametrize(
     ("kinds", "gain", "bias", "said"),
     [
@@ -175,6 +174,7 @@ def test_servos_are_told_by_gain_and_bias(
     assert servo(model, 0) == said
 
 
+@pytest.mark.filterwarnings("ignore::adaptctl.errors.PlausibilityWarning")
 def test_servos_are_named_as_what_they_are(tmp_path: Path) -> None:
     path = written(tmp_path, mjcf(STAND, SERVO))
     with pytest.warns(SimplificationWarning, match=r"without torque input .*'hold' \(a position servo\)"):
