@@ -316,8 +316,8 @@ LISTED: tuple[Listed, ...] = (
     Listed(
         "error over a time includes its end",
         "adaptctl/recording/controller_run.py",
-        "(self.rollout.time < stop)",
-        "(self.rollout.time <= stop)",
+        "self.rollout.time, (start, stop)",
+        'self.rollout.time, (start, stop), "right"',
         ("tests/test_errors_by_hand.py::test_windows_of_errors_hold_their_first_instant_and_not_their_last",),
     ),
     Listed(

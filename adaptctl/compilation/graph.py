@@ -97,6 +97,11 @@ class Graph:
             found = self._expressions[key] = kind(self, len(self._expressions), op, operands, detail)
         return cast(E, found)
 
+    def close(self) -> None:
+        """Forget the expressions, when all are made: those that are used keep each other."""
+        self._expressions.clear()
+        self.sines.clear()
+
     def known_sine(self, angle: Expression) -> tuple[Any, Any] | None:
         """Known sine and cosine of an angle, else None."""
         if angle not in self.sines and self.passed is not None and self._is_argument(angle):

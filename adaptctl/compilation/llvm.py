@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -81,6 +82,7 @@ def worth_a_module(routine: Routine) -> list[Routine]:
     ]
 
 
+@lru_cache(maxsize=8)  # of equations of motion, which each law on a plant calls
 def module_of(routine: Routine, lanes: Lanes, target: str) -> tuple[str, str]:
     """LLVM IR of a module of one routine, and its function's name, which tells its content and the `target`."""
     text = _called(routine, {routine: _NAME}, lanes).replace("define internal void", "define void")

@@ -288,6 +288,7 @@ def _routine(name: str, graph: Graph, inputs: tuple[int, ...], result: Any) -> R
     layout, scalars = flatten(result)
     outputs = tuple(_output(name, x) for x in scalars)
     graph.validate_own(outputs)
+    graph.close()
     return Routine(name, inputs, outputs, layout)
 
 

@@ -139,11 +139,11 @@ class ControllerRun:
         >>> subject.rms_error(start=0.1, joints=[0]) > 0.0
         True
         """
-        inside = (self.rollout.time >= start) & (self.rollout.time < stop)
-        errors = self.rollout.error[inside][:, joints]
+        inside = slice(*np.searchsorted(self.rollout.time, (start, stop)))
+        errors = (self.rollout.p[inside] - self.rollout.reference_p[inside])[:, joints]
         if errors.shape[1] == 0:
             raise InputError(f"joints: expected at least one joint, got {joints}")
-        return float(np.sqrt(np.mean(errors**2))) if inside.any() else None
+        return float(np.sqrt(np.mean(errors**2))) if len(errors) else None
 
     @property
     def first_rms_error(self) -> float | None:

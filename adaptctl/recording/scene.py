@@ -68,14 +68,12 @@ def log_trail(recording: rr.RecordingStream, name: str, time: Array, path: Array
     """Draw the trail of a tip, a piece at each time, of which `views.arm` shows the last 4 s."""
     if len(path) < 2:
         return
-    strips = np.stack([path[:-1], path[1:]], axis=1)
+    strips = np.stack([path[:-1], path[1:]], axis=1, dtype=np.float32, casting="same_kind")
     count = len(strips)
     recording.send_columns(
         f"{WORLD}/{name}",
         [rr.TimeColumn(TIMELINE, duration=time[1:])],
-        rr.LineStrips3D.columns(
-            strips=strips.tolist(), radii=np.full(count, 0.0045), colors=np.full((count, 3), color)
-        ),
+        rr.LineStrips3D.columns(strips=strips, radii=np.full(count, 0.0045), colors=np.full((count, 3), color)),
     )
 
 
