@@ -28,6 +28,7 @@ COLLECTED = 200_000, 10, 10
 def run() -> NoReturn:
     """Run the command line and exit with its code."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # more only wait for each other, at matrices of this size
+    os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")  # its own keeps what is freed
     _on_signals(_leave)  # while packages are imported, there is nothing to keep
     gc.set_threshold(*COLLECTED)
     keep_without_terminal()
