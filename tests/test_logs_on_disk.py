@@ -88,6 +88,22 @@ def test_a_text_file_in_batches_is_that_of_all_rows(tmp_path: Path, change: str)
     assert_same(by_batches(read_delimited, path, "adaptctl.logs.text._read"), read_delimited(path))
 
 
+@pytest.mark.parametrize("change", ["as it is", "a text late", "a comment", "a last line cut off", "stamps in ns"])
+def test_a_file_with_blanks_between_its_numbers_is_read_in_batches(tmp_path: Path, change: str) -> None:
+    rows = [[str(k), f"{np.sin(0.01 * k):.6f}", str(k % 7), f"{0.1 * k:.3f}"] for k in range(1000)]
+    CHANGES[change](rows)
+    path = tmp_path / "log.txt"
+    path.write_text("\n".join("  " + " \t ".join(row) + " " for row in [["time", "p", "count", "tau"], *rows]))
+    assert_same(by_batches(read_delimited, path, "adaptctl.logs.text._read"), read_delimited(path))
+
+
+def test_a_longer_line_among_blanks_is_refused_under_the_files_own_name(tmp_path: Path) -> None:
+    path = tmp_path / "log.txt"
+    path.write_text("\n".join(["time  p", *(f"{k}  {0.1 * k:.6f}{' 9' * (k == 900)}" for k in range(1000))]))
+    with pytest.raises(FileError, match=f"{path}: not a text table .line 902 has 3 cells"):
+        by_batches(read_delimited, path, "adaptctl.logs.text._read")
+
+
 def test_a_file_that_repeats_its_names_is_read_at_once(tmp_path: Path) -> None:
     rows = [f"{k},{0.1 * k:.6f}" for k in range(1000)]
     path = tmp_path / "log.csv"

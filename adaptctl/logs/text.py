@@ -10,6 +10,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from adaptctl.errors import FileError, printable
@@ -27,6 +28,7 @@ MAX_ODD, MAX_CHANGES = 10_000, 4
 """lines of another length than the others, and readings of a file whose columns turn out to be texts"""
 BLOCK = 2**20
 """bytes of a file that are read at a time"""
+BLANKS = re.compile("[ \t]+")
 CHANGED = re.compile(r"In CSV column #(\d+): .*conversion error")
 
 
@@ -77,8 +79,15 @@ def _long(path: str | Path, form: TextForm) -> tuple[list[LogColumn], list[str]]
     """Columns of a large file, read batch by batch, and notes; None of others, and where many columns change kind."""
     from pyarrow import ArrowException
 
-    if Path(path).stat().st_size < on_disk.LARGE or form.mark == " ":
+    if Path(path).stat().st_size < on_disk.LARGE:
         return None
+    if form.mark == " ":
+        with TemporaryDirectory() as folder:
+            other = _with_tabs(path, form, Path(folder))
+            try:
+                return _long(other, replace(form, mark="\t", encoding="utf-8"))
+            except FileError as error:
+                raise FileError(str(error).replace(str(other), str(path))) from error
     with suppress(ArrowException, UnlikeBeforeError):
         kinds = _kinds(path, form)
         for _ in range(MAX_CHANGES):
@@ -223,6 +232,14 @@ def _source(path: str | Path, form: TextForm) -> Any:
     return path
 
 
+def _with_tabs(path: str | Path, form: TextForm, folder: Path) -> Path:
+    """File in a folder with one tab for the blanks between numbers, under the same name."""
+    other = folder / Path(path).name
+    with Path(path).open(encoding=form.encoding) as lines, other.open("w", encoding="utf-8") as file:
+        file.writelines("\t".join(filter(None, BLANKS.split(line.rstrip("\n")))) + "\n" for line in lines)
+    return other
+
+
 def _rewritten(path: str | Path, form: TextForm) -> tuple[BytesIO, int]:
     """File with one tab for the blanks between numbers, and without lines that repeat its heads; their count."""
     if Path(path).stat().st_size > MAX_SPACED:
@@ -232,7 +249,7 @@ def _rewritten(path: str | Path, form: TextForm) -> tuple[BytesIO, int]:
     kept = [line for i, line in enumerate(lines) if i < form.skipped or line.strip() not in form.heads]
     text = "\n".join(kept)
     if form.mark == " ":
-        text = re.sub(r"[ \t]+", "\t", re.sub(r"^[ \t]+|[ \t]+$", "", text, flags=re.MULTILINE))
+        text = BLANKS.sub("\t", re.sub(r"^[ \t]+|[ \t]+$", "", text, flags=re.MULTILINE))
     return BytesIO(text.encode(form.encoding)), len(lines) - len(kept)
 
 
