@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import os
 import time
+import tracemalloc
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -25,7 +27,7 @@ from adaptctl.identification.log_files import read_log
 from adaptctl.logs import isolated
 from adaptctl.logs.foxglove import read_mcap
 from adaptctl.logs.lerobot import read_lerobot
-from adaptctl.logs.ros_bag import read_ros_bag
+from adaptctl.logs.ros_bag import joint_table, read_ros_bag
 
 COUNT = 200
 T = np.arange(COUNT) / 100.0
@@ -139,6 +141,22 @@ def test_bags_of_several_publishers_in_any_order_are_read(plugin: StoragePlugin,
     np.testing.assert_allclose(whole.columns["position.elbow"], T[7:])
     np.testing.assert_allclose(whole.columns["effort.shoulder"], np.cos(T[7:]))
     assert "velocity.elbow" not in whole.columns
+
+
+def test_messages_are_kept_as_numbers_alone() -> None:
+    def messages(count: int) -> Iterator[tuple[int, Any]]:
+        for i in range(count):
+            header = HEADER(stamp=STAMP(sec=0, nanosec=0), frame_id="")
+            p = np.array([1.0, 2.0]) * i
+            yield i, STATE(header=header, name=["a" * 40, "b" * 40], position=p, velocity=np.array([]), effort=-p)
+
+    tracemalloc.start()
+    found = joint_table("a bag", messages(4000))
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 4000 * 400  # bytes
+    np.testing.assert_array_equal(found.columns["effort." + "b" * 40], -2.0 * np.arange(4000.0))
+    np.testing.assert_allclose(found.columns["time"], 1e-9 * np.arange(4000.0))
 
 
 @pytest.mark.parametrize(

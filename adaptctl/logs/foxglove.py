@@ -12,7 +12,7 @@ import msgspec
 
 from adaptctl.errors import AdaptctlError, FileError
 from adaptctl.logs.ros_bag import joint_table, read_ros_bag
-from adaptctl.logs.table import LogTable, validate_size
+from adaptctl.logs.table import LogTable
 from adaptctl.optional_packages import needed
 
 SCHEMA = "foxglove.JointStates"
@@ -47,7 +47,7 @@ def read_mcap(path: str | Path, topic: str | None = None) -> LogTable:
                 return read_ros_bag(path, topic)
             if not encodings:
                 raise FileError(f"{path}: no topic of {SCHEMA} or of ROS in it; is the file cut off?")
-            return joint_table(path, list(_messages(reader, path, _chosen(path, encodings, topic))))
+            return joint_table(path, _messages(reader, _chosen(path, encodings, topic)))
     except (AdaptctlError, MemoryError):
         raise
     except Exception as error:  # the package names no kind of its own for damaged files
@@ -84,11 +84,10 @@ def _chosen(path: str | Path, encodings: dict[str, str], topic: str | None) -> s
     return chosen
 
 
-def _messages(reader: Any, path: str | Path, topic: str) -> Iterator[tuple[int, Any]]:
+def _messages(reader: Any, topic: str) -> Iterator[tuple[int, Any]]:
     """Stamps and joint states, as ROS has them."""
     decoder = msgspec.json.Decoder(_States)
-    for count, (_, _, message) in enumerate(reader.iter_messages(topics=[topic])):
-        validate_size(path, count, 1)
+    for _, _, message in reader.iter_messages(topics=[topic]):
         states = decoder.decode(message.data)
         stamp = SimpleNamespace(sec=states.timestamp.sec, nanosec=states.timestamp.nsec)
         rows = {field: [getattr(joint, field) for joint in states.joints] for field in FIELDS}

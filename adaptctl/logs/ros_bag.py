@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from array import array
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,33 +26,67 @@ def read_ros_bag(path: str | Path, topic: str | None = None) -> LogTable:
     try:
         with rosbags.AnyReader([Path(path)], default_typestore=rosbags.typestore) as reader:
             chosen = _connections(path, reader.connections, topic)
-            messages = []
-            for connection, stamp, raw in reader.messages(connections=chosen):
-                messages.append((stamp, reader.deserialize(raw, connection.msgtype)))
-                validate_size(path, len(messages), 1)
+            each = reader.messages(connections=chosen)
+            return joint_table(path, ((stamp, reader.deserialize(raw, own.msgtype)) for own, stamp, raw in each))
     except (AdaptctlError, MemoryError):
         raise
     except Exception as error:  # the package reads damaged bags without checks: any error may come of their bytes
         told = (str(error) or type(error).__name__).splitlines()[0]
         raise FileError(f"{path}: cannot be read as a ROS bag ({told})") from error
-    return joint_table(path, messages)
 
 
-def joint_table(path: str | Path, messages: list[tuple[int, Any]]) -> LogTable:
-    """Table of stamped messages as JointState has them."""
-    if not messages:
+class _Messages:
+    """Stamps and numbers of the messages of some joints, one after the other, in the order of the first."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self.names = list(names)
+        self.stamps, self.logged = array("q"), array("q")
+        self._rows = {kind: array("d") for kind, _ in FIELDS}
+        self._orders: dict[tuple[str, ...], list[int]] = {}
+        self._none = np.full(len(names), np.nan)
+
+    def add(self, logged: int, message: Any) -> None:
+        """Add a message by the time in ns at which it was logged; fields of another length are empty."""
+        given = tuple(message.name)
+        if given not in self._orders:
+            self._orders[given] = [given.index(name) for name in self.names]
+        self.logged.append(logged)
+        self.stamps.append(message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec)
+        for kind, own in self._rows.items():
+            row = getattr(message, kind)
+            whole = len(row) == len(self.names)
+            values = np.asarray(row, dtype=np.float64)[self._orders[given]] if whole else self._none
+            own.frombytes(values.tobytes())
+
+    def columns(self) -> Iterator[tuple[str, Array]]:
+        """Columns of time from 0, and of the fields that have numbers."""
+        stamps = self.stamps if any(self.stamps) else self.logged
+        yield "time", 1e-9 * (np.array(stamps) - stamps[0])
+        for kind, own in self._rows.items():
+            values = np.array(own).reshape(-1, len(self.names))
+            if np.isfinite(values).any():
+                yield from ((f"{kind}.{name}", column) for name, column in zip(self.names, values.T, strict=True))
+
+
+def joint_table(path: str | Path, messages: Iterable[tuple[int, Any]]) -> LogTable:
+    """Table of messages as JointState has them, with the times in ns at which they were logged."""
+    found: dict[tuple[str, ...], _Messages] = {}
+    for count, (logged, message) in enumerate(messages, 1):
+        validate_size(path, count, 1)
+        if (names := tuple(sorted(message.name))) not in found:
+            found[names] = _Messages(message.name)
+        found[names].add(logged, message)
+    if not found:
         raise FileError(f"{path}: has 0 joint states; expected 1 to {MAX_ROWS}")
-    messages, notes = _of_one_robot(path, messages)
-    names = list(messages[0][1].name)
-    units = {"time": "s"} | {f"{field}.{name}": unit for field, unit in FIELDS for name in names}
-    found = table(str(path), _columns(messages, names), units)
-    return LogTable(found.source, found.columns, found.units, notes=tuple(notes))
+    states, notes = _of_one_robot(path, found)
+    units = {"time": "s"} | {f"{field}.{name}": unit for field, unit in FIELDS for name in states.names}
+    read = table(str(path), states.columns(), units)
+    return LogTable(read.source, read.columns, read.units, notes=tuple(notes))
 
 
-def _of_one_robot(path: str | Path, messages: list[tuple[int, Any]]) -> tuple[list[tuple[int, Any]], list[str]]:
+def _of_one_robot(path: str | Path, found: dict[tuple[str, ...], _Messages]) -> tuple[_Messages, list[str]]:
     """Messages of the most frequent set of joints, and a note on those of other publishers."""
-    sets = [tuple(sorted(message.name)) for _, message in messages]
-    counts = Counter(one for one in sets if one)
+    counts = Counter({names: len(states.stamps) for names, states in found.items() if names})
     if not counts:
         raise FileError(f"{path}: no joint state has names of joints")
     ((most, count), *others) = counts.most_common()
@@ -61,29 +96,10 @@ def _of_one_robot(path: str | Path, messages: list[tuple[int, Any]]) -> tuple[li
     if rivals:
         both = " and for ".join(", ".join(one) for one in (most, rivals[0]))
         raise FileError(f"{path}: as many messages are for the joints {both}; give the topic of one source")
-    kept = [one for one, own in zip(messages, sets, strict=True) if own == most]
     joined = sorted({name for one in counts for name in one} - set(most))
-    left = len(messages) - len(kept)
+    left = sum(len(states.stamps) for states in found.values()) - count
     note = f"{left} messages of other publishers were left out ({', '.join(joined) or 'fewer joints'})"
-    return kept, [note] if left else []
-
-
-def _columns(messages: list[tuple[int, Any]], names: list[str]) -> Iterator[tuple[str, Array]]:
-    stamps = [message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec for _, message in messages]
-    if not any(stamps):
-        stamps = [stamp for stamp, _ in messages]
-    yield "time", 1e-9 * np.array([stamp - stamps[0] for stamp in stamps], dtype=np.float64)
-    orders = [[list(message.name).index(name) for name in names] for _, message in messages]
-    for kind, _ in FIELDS:
-        rows = [getattr(message, kind) for _, message in messages]
-        if not any(len(row) == len(names) for row in rows):
-            continue
-        values = np.full((len(rows), len(names)), np.nan)
-        for i, (row, order) in enumerate(zip(rows, orders, strict=True)):
-            if len(row) == len(names):
-                values[i] = np.asarray(row)[order]
-        if np.isfinite(values).any():
-            yield from ((f"{kind}.{name}", column) for name, column in zip(names, values.T, strict=True))
+    return found[most], [note] if left else []
 
 
 def _connections(path: str | Path, connections: list[Any], topic: str | None) -> list[Any]:
