@@ -358,7 +358,23 @@ def test_the_weight_that_a_tank_leaves_out_is_that_of_one_recursion() -> None:
     at = Instant(p, p, v_r, v_r, ReferencePoint(p, v_r, v_r), wanted, D)
     none = Column.zeros(2)
     whole = arm.equations.motion(p, none, v_r, none).torque(D)
-    assert list(law._weight(at, D)) == pytest.approx(list(whole), rel=1e-12)
+    assert list(law._weight(at, v_r, D)) == pytest.approx(list(whole), rel=1e-12)
+
+
+def test_friction_that_a_brake_leaves_unused_comes_out_of_the_tank() -> None:
+    """A reference runs away, and a brake takes the work: of what was to overcome friction at its speed, too."""
+    arm = model().mechanism.with_drives(Drive(rotor_inertia=0.02, viscous=3.0, coulomb=0.3))
+    reduced, brake, taken = ReducedModel.full(arm), 10.0, 0.0
+    true = reduced.fundamental_parameters
+    law = JointImpedance(reduced, 40.0, DAMPING, None, true, PERIOD, torque_limits=np.inf, tank=5.0)
+    plant, state = held_motion(arm), law.init(HOME[None], REST[None])
+    p, v, rate = HOME[None], REST[None], np.array([[2.0, -2.0]])
+    for k in range(1000):
+        torque, state = law.step(state, p, v, ReferencePoint(HOME + rate * k * PERIOD, rate, 0.0 * rate))
+        before, force = p, -brake * v
+        p, v = plant(p, v, torque + force)
+        taken -= float((force * (p - before)).sum())
+    assert 3.0 < taken < 5.0
 
 
 @nightly

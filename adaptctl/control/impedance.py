@@ -30,7 +30,7 @@ from adaptctl.control.target_motion import TargetMotion, at_rest
 from adaptctl.description.drive import DISSIPATIVE
 from adaptctl.errors import GainError, InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, Scalar, column
+from adaptctl.scalars import Column, Scalar, column, maximum, minimum, where
 
 FRICTION = tuple(f".{kind.value}" for kind in DISSIPATIVE)
 POSTURES = 8
@@ -187,10 +187,10 @@ class JointImpedance(PassivityBased):
             at.wanted.controller_state, memory.estimate, getattr(memory.law_state, "watch", None), self.control_period
         )
         opening, trusted = after.opening[0], self._parameters(after.trusted)
-        after = after._replace(weight=self._weight(at, trusted))
+        after = after._replace(weight=self._free(at, trusted))
         if self.adaptation_law is None:
             return opening * spring + damper, after
-        unpaid = (1.0 - opening) * self._weight(at, at.parameters - trusted)
+        unpaid = (1.0 - opening) * self._weight(at, at.wanted.v_r, at.parameters - trusted)
         return opening * spring + damper + unpaid, after
 
     def _driven(
@@ -224,10 +224,16 @@ class JointImpedance(PassivityBased):
         """Torque (r,) of the dampers."""
         return column(self.damping) * s
 
-    def _weight(self, at: Instant, parameters: Column) -> Column:
-        """Torque (r,) of gravity and friction of parameters (P,)."""
+    def _free(self, at: Instant, parameters: Column) -> Column:
+        """Torque (r,) of parameters (P,) whose work is free: of friction, what the arm's own speed has at most."""
+        wanted, there = (self._weight(at, v, parameters) for v in (at.wanted.v_r, at.v))
+        pairs = zip(at.v, wanted, there, strict=True)
+        return Column(where(v > 0.0, minimum(x, y), maximum(x, y)) for v, x, y in pairs)
+
+    def _weight(self, at: Instant, v: Column, parameters: Column) -> Column:
+        """Torque (r,) of gravity and friction at velocities (r,) of parameters (P,)."""
         equations, none = self.model.mechanism.equations, Column.zeros(self.dof)
-        moving = equations.motion(at.q, none, at.wanted.v_r, none)
+        moving = equations.motion(at.q, none, v, none)
         if equations.has_constraint_bias:
             return moving.torque(parameters)
         # Apart, they need no recursion over velocities: without inertias, what moves is friction alone.
