@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from enum import StrEnum
 from itertools import takewhile
 from types import FrameType
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 from adaptctl.errors import TraceError
 
@@ -95,7 +95,7 @@ class Graph:
         if found is None:
             self.validate_own(operands)
             found = self._expressions[key] = kind(self, len(self._expressions), op, operands, detail)
-        return cast(E, found)
+        return found  # type: ignore[return-value]  # an operation has one kind
 
     def close(self) -> None:
         """Forget the expressions, when all are made: those that are used keep each other."""
@@ -171,13 +171,15 @@ def negate(x: Any) -> Any:
 def multiply(x: Any, y: Any) -> Any:
     """Product `x * y`."""
     x, y = _ordered(x, y)
-    if isinstance(x, float) and abs(x) in (0.0, 1.0):
-        return 0.0 if x == 0.0 else y if x > 0.0 else negate(y)
-    if _does(y, Op.NEGATE):
-        return multiply(-x, y.operands[0]) if isinstance(x, float) else negate(multiply(x, y.operands[0]))
-    if _does(x, Op.NEGATE):
+    if isinstance(x, float):
+        if abs(x) in (0.0, 1.0):
+            return 0.0 if x == 0.0 else y if x > 0.0 else negate(y)
+        return multiply(-x, y.operands[0]) if y.op is Op.NEGATE else y.graph.make(type(y), Op.MULTIPLY, x, y)
+    if y.op is Op.NEGATE:
+        return negate(multiply(x, y.operands[0]))
+    if x.op is Op.NEGATE:
         return negate(multiply(x.operands[0], y))
-    return _make(Op.MULTIPLY, x, y)
+    return x.graph.make(type(x), Op.MULTIPLY, x, y)
 
 
 def divide(x: Any, y: Any) -> Any:
@@ -241,8 +243,7 @@ def _does(x: Any, op: Op) -> bool:
 
 
 def _ordered(x: Any, y: Any) -> tuple[Any, Any]:
-    return (x, y) if _rank(x) <= _rank(y) else (y, x)
-
-
-def _rank(x: Any) -> int:
-    return x.index if isinstance(x, Expression) else -1
+    """Constants first, then what was made first."""
+    if not isinstance(x, Expression) or (isinstance(y, Expression) and x.index <= y.index):
+        return x, y
+    return y, x

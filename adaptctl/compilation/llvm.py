@@ -13,7 +13,7 @@ from adaptctl.compilation.function_body import FunctionBody
 from adaptctl.compilation.graph import Expression, Op
 from adaptctl.compilation.landing import NOWHERE, Landings, landings
 from adaptctl.compilation.lanes import Lanes
-from adaptctl.compilation.routine import NONE, Invariants, Routine, numbered, trace
+from adaptctl.compilation.routine import NONE, Invariants, Routine, trace
 from adaptctl.compilation.sine import MAX_SINE_STEP, sine_for
 
 if TYPE_CHECKING:
@@ -154,14 +154,13 @@ def _piece(
     body = FunctionBody(piece.expressions, symbols, lanes, piece.found, same, uniform, landed)
     if not shared:
         body.constants(routine.layout, routine.outputs)
-    wanted: dict[int, list[tuple[str, int]]] = {i: [("%passed", place)] for i, place in piece.kept.items()}
-    for (part, k), value in zip(numbered(routine.layout.sizes), routine.outputs, strict=True):
-        if isinstance(value, Expression) and landed.places.get(value.index) != (part, k):
-            wanted.setdefault(value.index, []).append((f"%out{part}", k))
     for expression in piece.expressions:
         body.compute(expression)
-        for pointer, k in wanted.get(expression.index, ()):  # at once: registers are few
-            body.store(pointer, k, expression)
+        if expression.index in piece.kept:
+            body.store("%passed", piece.kept[expression.index], expression)
+        for part, k in routine.stored.get(expression.index, ()):  # at once: registers are few
+            if landed.places.get(expression.index) != (part, k):
+                body.store(f"%out{part}", k, expression)
     pointers = [*_pointers(routine, same, " noalias"), *(["ptr noalias %passed"] if shared else [])]
     head = f"define internal void @{symbol}({', '.join(pointers)}) {inlining} {lanes.attributes} {{"
     return "\n".join([head, *body.lines, "ret void\n}"])
@@ -200,6 +199,7 @@ PIECE_EXPRESSIONS = 1500
 """Expressions in a piece of a longer one, about."""
 
 _TRUTHS = (Op.LESS, Op.LESS_EQUAL)
+_NOT_PASSED = (Op.INPUT, Op.CALL, *_TRUTHS)
 
 
 class Piece(NamedTuple):
@@ -245,8 +245,8 @@ def _with_truths(part: Sequence[Expression]) -> Sequence[Expression]:
 
 
 def _operands(part: Iterable[Expression]) -> set[Expression]:
-    used = (y for x in part for y in x.operands if isinstance(y, Expression))
-    return {y for y in used if y.op not in (Op.INPUT, Op.CALL, *_TRUTHS)}
+    used = {y for x in part for y in x.operands if isinstance(y, Expression)}
+    return {y for y in used if y.op not in _NOT_PASSED}
 
 
 def _places(homes: dict[int, int], needed: Sequence[set[int]]) -> dict[int, int]:

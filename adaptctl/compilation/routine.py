@@ -144,6 +144,15 @@ class Routine:
         return reachable(self.outputs)
 
     @cached_property
+    def stored(self) -> dict[int, list[tuple[int, int]]]:
+        """Places of expressions among the results, as pairs (part, index within it), by the expression's index."""
+        found: dict[int, list[tuple[int, int]]] = {}
+        for place, value in zip(numbered(self.layout.sizes), self.outputs, strict=True):
+            if isinstance(value, Expression):
+                found.setdefault(value.index, []).append(place)
+        return found
+
+    @cached_property
     def used_inputs(self) -> frozenset[tuple[int, int]]:
         """Scalars of the arguments that the outputs depend on, as pairs (argument index, entry index)."""
         return frozenset(x.detail for x in self.body if x.op is Op.INPUT)

@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array, numbers, per_joint, positive_numbers, positive_per_joint
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
-from adaptctl.control.adaptation.symmetric import rows_product
 from adaptctl.control.gains.sampling_ratio import MAX_SAMPLING_RATIO, scaled_eigenvalues
 from adaptctl.control.pytree import Memory
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
@@ -48,7 +47,11 @@ class Descent(AdaptationLaw[Memory]):
     def applied(self, gradient: Column) -> Column:
         """Gain times gradient (k,)."""
         gain = self._columns
-        return rows_product(gain, gradient) if isinstance(gain, list) else gain * gradient
+        if not isinstance(gain, list):
+            return gain * gradient
+        from adaptctl.control.adaptation.symmetric import rows_product  # few gains are whole matrices
+
+        return rows_product(gain, gradient)
 
     @property
     def _columns(self) -> Column | list[Column]:
