@@ -26,6 +26,7 @@ from adaptctl.envs import (
     TrackingEnv,
     VectorTrackingEnv,
 )
+from adaptctl.envs.task import initial_error_of
 from adaptctl.envs.tracking import OPTIONS
 from adaptctl.errors import InputError, NonFiniteError, NotFoundError, PhysicalConsistencyWarning
 from adaptctl.identifiability import Constraints, constrained
@@ -411,3 +412,9 @@ def test_calls_in_the_wrong_order_are_refused(measured: Mechanism) -> None:
     for call in (lambda: env.step(np.zeros(6)), env.render, lambda: env.reference):
         with pytest.raises(ResetNeeded, match=r"call env.reset\(\) first"):
             call()
+
+
+def test_an_initial_error_may_be_a_whole_turn() -> None:
+    assert initial_error_of(2.0 * np.pi, 2).tolist() == [2.0 * np.pi] * 2
+    with pytest.raises(InputError, match="at most a turn"):
+        initial_error_of([0.0, -6.2832], 2)

@@ -6,6 +6,7 @@ import csv
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from adaptctl.identification.columns import JointLog, joint_columns, joint_log
 from adaptctl.identification.log_files import read_log
 from adaptctl.identification.preparation import prepare
 from adaptctl.logs.arrow import forget, numbers
+from adaptctl.logs.table import _seconds_of
 
 ARM = arm(REVOLUTE, REVOLUTE)
 T = np.arange(400) / 100.0
@@ -355,3 +357,22 @@ def test_whole_numbers_that_floats_cannot_tell_apart_keep_their_differences(begi
     assert column.first == begin
     [small] = numbers("stamp", pa.array([0, 2**52]))
     assert (small.first, small.values.tolist()) == (None, [0.0, 2.0**52])
+
+
+@pytest.mark.parametrize(
+    ("seconds", "parts", "joined"),
+    [
+        ([7.0, 8.0], [0.0, 999_999_999.0], True),
+        ([7.0, np.nan], [5.0, np.nan], True),
+        ([7.0, 8.0], [0.0, 1e9], False),
+        ([7.0, 8.0], [-1.0, 5.0], False),
+        ([7.0, 8.0], [0.5, 5.0], False),
+        ([7.0, 8.5], [0.0, 5.0], False),
+        ([7.0, np.nan], [np.nan, 5.0], False),
+    ],
+)
+def test_parts_of_a_second_belong_to_whole_ones(seconds: list[float], parts: list[float], joined: bool) -> None:
+    columns = {"Stamp.sec": np.array(seconds), "stamp.nanosec": np.array(parts)}
+    log: Any = SimpleNamespace(columns=columns)
+    assert _seconds_of("stamp.nanosec", log) == ("Stamp.sec" if joined else None)
+    assert _seconds_of("Stamp.sec", log) is None
