@@ -228,6 +228,7 @@ def test_figures_grow_with_laws_and_conditions() -> None:
         ranking = Ranking(rows)
         figures = [one.draw() for one in drawings(ranking, ranking.table(), 1.0)]
         assert sum(axes.get_visible() for axes in figures[-1].axes) == conditions
+        assert [len(axes.lines) for axes in figures[-1].axes if axes.get_visible()] == [min(laws, 6)] * conditions
         return [figure.get_figheight() for figure in figures]
 
     few, many = heights(2, 1), heights(7, 5)

@@ -300,6 +300,7 @@ def trossen(monkeypatch: pytest.MonkeyPatch) -> MagicMock:
 def test_a_trossen_arm_is_read_every_period_in_seconds_without_its_gripper(trossen: MagicMock) -> None:
     robot = TrossenRobot("192.168.1.2", 0.01, torque_rate=300.0)
     driver = trossen.TrossenArmDriver.return_value
+    assert driver.configure.call_args.args[2:] == ("192.168.1.2", False)  # errors of the arm are not cleared
     assert (robot.limits.dof, robot.limits.torque[1], robot.limits.velocity[0]) == (2, 27.0, 3.0)
     assert (robot.limits.lower[0], robot.limits.upper[0], robot.limits.torque_rate[0]) == (-1.0, 2.0, 300.0)
     started = time.monotonic()

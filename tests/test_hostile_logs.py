@@ -7,7 +7,9 @@ import os
 import time
 import tracemalloc
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -27,6 +29,7 @@ from adaptctl.identification.log_files import read_log
 from adaptctl.logs import isolated
 from adaptctl.logs.foxglove import read_mcap
 from adaptctl.logs.lerobot import read_lerobot
+from adaptctl.logs.rerun_recording import _timeline
 from adaptctl.logs.ros_bag import joint_table, read_ros_bag
 
 COUNT = 200
@@ -308,3 +311,30 @@ def test_mutated_files_are_read_or_refused_in_one_line(every: bool, tmp_path: Pa
             except FileError as error:
                 told = str(error)
             assert not told or (str(bad) in told and "\n" not in told)
+
+
+@pytest.mark.parametrize(
+    ("timelines", "chosen"),
+    [
+        ([{"time", "tick", "log_time"}, {"time", "log_time"}], "time"),
+        ([{"tick", "log_time", "log_tick"}, {"tick", "log_time"}], "tick"),
+        ([{"tick", "step", "log_time"}, {"step", "log_time"}], "step"),
+        ([{"tick", "log_time"}, {"step", "log_time"}], "log_time"),
+        ([{"tick", "step"}, {"step", "tick"}], "several timelines: step, tick"),
+        ([{"tick", "log_time"}, {"step"}], "no timeline in common"),
+    ],
+)
+def test_scalars_are_at_times_of_their_own_before_those_of_their_arrival(
+    timelines: list[set[str]], chosen: str
+) -> None:
+    batches = [
+        SimpleNamespace(schema=[SimpleNamespace(name="other", metadata=None), *(timeline(name) for name in names)])
+        for names in timelines
+    ]
+    refused = " " in chosen
+    with pytest.raises(FileError, match=chosen) if refused else nullcontext():
+        assert _timeline("a.rrd", batches) == chosen
+
+
+def timeline(name: str) -> SimpleNamespace:
+    return SimpleNamespace(name=name, metadata={b"rerun:kind": b"index"})
