@@ -52,7 +52,6 @@ class CLoops:
                 self._assign(step)
             else:
                 self._loop(step)
-        self._waiting.clear()
 
     def _loop(self, loop: CountedLoop) -> None:
         self._settle()
