@@ -40,6 +40,9 @@ ALIKE = {
     "experiments/replication/semi_direct_drive.py::section53 max(len(generic.relations), len(equal.relations)) <= 3 -> "
     "max(len(generic.relations), len(equal.relations)) < 3": "there are ten relations of one arm, and six of the other",
     "adaptctl/tuning/verification.py::measures 0.0 -> 1.0": "a run that is not finite has an infinite error anyway",
+    "adaptctl/tuning/feasible_reference.py::_scaled_to_limits asked > allowed -> asked >= allowed": (
+        "no torque is its limit to the last bit"
+    ),
     "adaptctl/tuning/feasible_reference.py::_scaled_to_limits "
     "scale[over].min() > MIN_AMPLITUDE_SHARE -> scale[over].min() >= MIN_AMPLITUDE_SHARE": (
         "no product of 0.7 and 0.95 is a twentieth"

@@ -418,3 +418,10 @@ def test_an_initial_error_may_be_a_whole_turn() -> None:
     assert initial_error_of(2.0 * np.pi, 2).tolist() == [2.0 * np.pi] * 2
     with pytest.raises(InputError, match="at most a turn"):
         initial_error_of([0.0, -6.2832], 2)
+
+
+def test_environments_are_registered_without_the_wrappers_that_would_slow_each_step() -> None:
+    own = {name: spec for name, spec in gymnasium.registry.items() if name.startswith("adaptctl/")}
+    assert len(own) > 5
+    for name, spec in own.items():
+        assert (spec.order_enforce, spec.disable_env_checker, spec.nondeterministic) == (False, True, False), name

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import resource
 import time
 import tracemalloc
 from collections.abc import Iterator
@@ -26,9 +27,10 @@ from rosbags.typesys import Stores, get_typestore
 from adaptctl.errors import FileError
 from adaptctl.identification.complete_rows import complete_rows
 from adaptctl.identification.log_files import read_log
-from adaptctl.logs import isolated
+from adaptctl.logs import child, isolated
 from adaptctl.logs.foxglove import read_mcap
 from adaptctl.logs.lerobot import read_lerobot
+from adaptctl.logs.parquet import FREE, MAX_RATIO, _validate_unpacked
 from adaptctl.logs.rerun_recording import _timeline
 from adaptctl.logs.ros_bag import joint_table, read_ros_bag
 
@@ -338,3 +340,30 @@ def test_scalars_are_at_times_of_their_own_before_those_of_their_arrival(
 
 def timeline(name: str) -> SimpleNamespace:
     return SimpleNamespace(name=name, metadata={b"rerun:kind": b"index"})
+
+
+def test_a_table_may_be_so_many_times_as_large_unpacked_as_its_file(tmp_path: Path) -> None:
+    path = tmp_path / "log.parquet"
+    path.write_bytes(b"x" * 1000)
+
+    def declared(*sizes: int) -> Any:
+        groups = [SimpleNamespace(total_byte_size=size) for size in sizes]
+        return SimpleNamespace(num_row_groups=len(sizes), row_group=groups.__getitem__)
+
+    most = FREE + 1000 * MAX_RATIO
+    _validate_unpacked(path, declared(0))
+    _validate_unpacked(path, declared(most - 7, 7))
+    for sizes in ((most, 1), (-1,)):
+        with pytest.raises(FileError, match="more than is read"):
+            _validate_unpacked(path, declared(*sizes))
+
+
+def test_a_reader_is_bound_in_memory_and_time_and_leaves_no_core(monkeypatch: pytest.MonkeyPatch) -> None:
+    limits: dict[int, tuple[int, int]] = {}
+    monkeypatch.setattr(resource, "setrlimit", limits.__setitem__)
+    child._bounded(12345, 2.5)
+    assert limits == {
+        resource.RLIMIT_AS: (12345, 12345),
+        resource.RLIMIT_CPU: (3, 3),
+        resource.RLIMIT_CORE: (0, 0),
+    }
