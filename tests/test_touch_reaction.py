@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ import adaptctl
 from adaptctl.control import GuardedLearning, SafetyFilter, TaskSpaceSlotineLi, with_external_torque
 from adaptctl.errors import InputError
 from adaptctl.hardware import TouchEvent
-from adaptctl.hardware.touch_reaction import Retreat
+from adaptctl.hardware.touch_reaction import Feeling, Retreat
 from adaptctl.simulation import Plant
 
 PERIOD = 4e-3
@@ -124,8 +125,6 @@ def test_a_touched_arm_yields_until_it_is_left_alone() -> None:
 
 
 def test_a_payload_that_is_announced_is_no_touch() -> None:
-    from adaptctl.hardware.touch_reaction import Feeling
-
     controller, plant = law(), Plant(ARM, PERIOD)
     state = controller.init(CENTER, np.zeros(2))
     found = [Feeling(["shoulder", "elbow"]) for _ in range(2)]
@@ -175,3 +174,17 @@ def test_an_observer_within_a_safety_filter_is_felt() -> None:
     robot.force = (15.0, 0.0, 0.0)
     run = adaptctl.drive(robot, SafetyFilter(law()), REFERENCE, 6.0, lead_in=1.5)
     assert run.stopped.startswith("touched: ")
+
+
+def test_a_touch_is_over_after_a_second_and_clamps_after_three_tenths_at_rest() -> None:
+    state, feeling = law().init(CENTER, np.zeros(2)), Feeling(["shoulder", "elbow"])
+    pressed: Any = SimpleNamespace(pressed=5.0, level=2.0)
+    feeling.feel(state, 1.0)  # nothing
+    feeling.feel(state, 2.0, pressed)
+    assert [feeling.over(time) for time in (2.5, 3.0, 3.25)] == [False, False, True]
+    assert [feeling.clamps(2.25, time) for time in (2.5, 2.5625)] == [False, True]
+    assert not feeling.clamps(0.0, 1.25)  # since something has been felt
+    feeling.feel(state, 3.0, pressed)
+    assert len(feeling.events) == 1
+    feeling.feel(state, 4.25, pressed)
+    assert len(feeling.events) == 2
