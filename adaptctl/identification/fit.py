@@ -23,6 +23,8 @@ from adaptctl.identification.lasting_noise import innovations
 from adaptctl.identification.least_squares import weighted_least_squares
 from adaptctl.identification.normal_equations import NormalEquations, blocks_of
 
+# Sums over blocks that are kept: those of five folds, their rests, and of all.
+SUMS_KEPT = 12
 # Factor of the prior's weight up to which a fit is near another one.
 NEAR = 5.0
 # Rough size of a rotor's inertia over the links' mean moment.
@@ -60,13 +62,19 @@ class FitSettings:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Fit of parameters (P,) in SI units, with residual deviations (r,), and their optimality residual."""
+    """Fit of parameters (P,) in SI units, with residual deviations (r,), normal matrix (P, P) and moment (P,)."""
 
     x: Array
     deviations: Array
     curvature: Array
+    moment: Array
+    prior: EntropicPrior
     settings: FitSettings
-    residual: float
+
+    @cached_property
+    def residual(self) -> float:
+        """Optimality residual of the parameters."""
+        return optimality_residual(self.curvature, self.moment, self.prior, self.settings.weight, self.x)
 
 
 class _End(NamedTuple):
@@ -143,6 +151,10 @@ class LogEvidence:
         used[:, list(settings.left_out)] = False
         return used
 
+    @cached_property
+    def _summed(self) -> dict[tuple[object, ...], NormalEquations]:
+        return {}
+
     def fitted_rows(self, settings: FitSettings) -> Rows:
         """Rows that a fit with some settings is made from, where `counted` has them."""
         return innovations(self.rows[settings.cutoff], self.used(settings.cutoff, settings.slow), settings.lasting)
@@ -166,8 +178,14 @@ class LogEvidence:
         return len(self.edges)
 
     def equations(self, settings: FitSettings, blocks: Sequence[int]) -> NormalEquations:
-        """Normal equations of the rows in some blocks, summed."""
-        return self.sums(settings.cutoff, settings.slow, settings.lasting).over(blocks).without(settings.left_out)
+        """Normal equations of the rows in some blocks, summed; the last ones are kept, as many settings share them."""
+        key = settings.cutoff, settings.slow, settings.lasting, settings.left_out, tuple(blocks)
+        if key not in self._summed:
+            if len(self._summed) >= SUMS_KEPT:
+                self._summed.clear()
+            whole = self.sums(settings.cutoff, settings.slow, settings.lasting)
+            self._summed[key] = whole.over(blocks).without(settings.left_out)
+        return self._summed[key]
 
     def independent(self, settings: FitSettings) -> NDArray[np.int64]:
         """Indices (c,) of the parameters that least squares is solved for: fundamental ones, then friction's."""
@@ -203,8 +221,7 @@ class LogEvidence:
         A, b = A * np.outer(mask, mask), b * mask
         prior = self.prior_of(settings)
         begun = None if start is None else _started(start, prior, mask)
-        x = consistent_estimate(A, b, prior, settings.weight, begun)
-        return Fit(x, deviations, A, settings, optimality_residual(A, b, prior, settings.weight, x))
+        return Fit(consistent_estimate(A, b, prior, settings.weight, begun), deviations, A, b, prior, settings)
 
     def prior_of(self, settings: FitSettings) -> EntropicPrior:
         """Prior of the parameters that settings have."""
