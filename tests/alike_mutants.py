@@ -50,6 +50,9 @@ ALIKE = {
     "adaptctl/contest/measures.py::measured time[-1] + time[1] - time[0] -> time[-1] + time[1] + time[0]": (
         "runs begin at 0 s"
     ),
+    "adaptctl/contest/ranking.py::agreement 1.0 -> 2.0": (
+        "ratios are within their intervals, which are looked at where ratios are apart"
+    ),
     "adaptctl/contest/trial.py::_torques 0.1 -> 0.2 (again 1)": "any measurements tell if a law uses the links",
     "adaptctl/compilation/batch.py::batch MIN_STREAMED_BYTES // 8 -> MIN_STREAMED_BYTES * 8": (
         "arrays of any size have the same numbers, written past the cache or not"

@@ -120,3 +120,11 @@ def test_a_number_of_draws_is_for_draws(tmp_path: Path, capsys: pytest.CaptureFi
     assert main(["sweep", "adaptive", "--out", str(tmp_path / "out"), "--seed", "0,1", "--samples", "3"]) == 2
     assert "--samples is not for a grid: give --sampling latin-hypercube or sobol" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(("values", "whole"), [((4, 5), True), ((4, 5, 6), True), ((4,), False), ((4, 6), False)])
+def test_whole_numbers_in_a_row_are_drawn_from_a_range(values: tuple[int, ...], whole: bool) -> None:
+    entry = next(entry for entry in fields(AdaptiveTracking) if entry.name == "seed")
+    span = as_span(entry, values)
+    assert (span is not None) is whole
+    assert span is None or (span.low, span.high, span.whole) == (values[0], values[-1], True)
