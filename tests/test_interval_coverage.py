@@ -79,6 +79,6 @@ def test_intervals_have_the_truth_as_often_as_they_say(kind: str) -> None:
         told += here.tolist()
         inside += ((lower <= truth) & (truth <= upper))[here].tolist()
         widths += (found.deviations / least_deviations(found.model, seed, colour)).tolist()
-    assert np.mean(told) >= 0.9
+    assert np.mean(told) >= (1.0 if kind == "white" else 0.9)
     assert np.mean(inside) >= 0.9  # 0.92 of many logs, less what some 200 parameters of ten leave open
     assert np.median(widths) <= 1.5
