@@ -184,6 +184,18 @@ def test_nothing_heavy_is_imported_in_passing() -> None:
     ] == []
 
 
+def test_slow_parts_of_scipy_are_imported_at_use() -> None:
+    """They take longer to load than many a command that never needs them."""
+    slow = ("scipy.optimize", "scipy.stats", "scipy.interpolate")
+    assert [
+        f"{module} imports {name}"
+        for module, path in MODULES.items()
+        for node in at_import(parsed(path).body)
+        for name in imported([node])
+        if name.startswith(slow) and not module.startswith("experiments.replication")
+    ] == []
+
+
 def documented(path: Path) -> int:
     """Lines of a module that are docstrings."""
     texts = (node.value for node in nodes(path) if isinstance(node, ast.Expr))

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import brentq
 
 from adaptctl.arrays import Array, positive_per_joint, whole_number
 from adaptctl.control.gains.error_feedback import MAX_DELAY, ErrorFeedback, Margins, margins
@@ -326,6 +325,8 @@ class GainDesign:
             return np.inf
         if excess(slowest) > 0.0:
             return 0.0
+        from scipy.optimize import brentq  # takes longer to load than many an experiment that never needs it
+
         return float(np.exp(brentq(excess, slowest, quickest, xtol=1e-6)))
 
     def check_sample_time(self) -> GainDesign:
