@@ -14,8 +14,8 @@ from types import FrameType
 
 @contextmanager
 def signalled(function: str, number: signal.Signals, after: float = 0.0) -> Iterator[None]:
-    """Send this process a signal when the main thread calls a function of that name, or when the process has computed
-    for some time (s) since. However brief the call is, it is seen."""
+    """Send this process a signal when the main thread calls a function of that qualified name, or when the process has
+    computed for some time (s) since. However brief the call is, it is seen."""
     over = threading.Event()
 
     def wait() -> None:
@@ -28,7 +28,7 @@ def signalled(function: str, number: signal.Signals, after: float = 0.0) -> Iter
     waiting = threading.Thread(target=wait)
 
     def called(frame: FrameType, event: str, _: object) -> None:
-        if event == "call" and frame.f_code.co_name == function:
+        if event == "call" and frame.f_code.co_qualname == function:
             sys.setprofile(None)
             waiting.start() if after else signal.raise_signal(number)
 

@@ -152,7 +152,7 @@ def test_outcome_and_places_are_printed_and_notes_are_a_line(
 def test_interrupted_run_keeps_what_was_computed(
     number: signal.Signals, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with signalled("_taken", number, after=0.3):
+    with signalled("EpisodeRun._taken", number, after=0.3):
         assert main([*SMALL, "--out", str(tmp_path / "out"), "--duration", "300"]) == 130
     said = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert said["complete"] is False

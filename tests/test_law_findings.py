@@ -30,9 +30,10 @@ def run_of(error: Any, name: str = "gradient", **rollout: Any) -> ControllerRun:
     """Run of one joint, of errors in rad every 10 ms."""
     size = np.asarray(error, dtype=float)
     time = STEP * np.arange(len(size))
-    parts = {"error": size[:, None], "time": time, "sample_time": STEP, "terminated": False, "control_period": STEP,
-             "estimate": np.zeros((len(size), 0)), "flags": {}, "clipped": np.zeros(len(size)), "interrupted": False,
-             "duration": STEP * len(size), "every": 1}  # fmt: skip
+    off = size[:, None]
+    parts = {"error": off, "p": off, "reference_p": 0.0 * off, "time": time, "sample_time": STEP, "terminated": False,
+             "control_period": STEP, "estimate": np.zeros((len(size), 0)), "flags": {}, "clipped": np.zeros(len(size)),
+             "interrupted": False, "duration": STEP * len(size), "every": 1}  # fmt: skip
     return ControllerRun(name, name.title(), "", SimpleNamespace(**parts | rollout))  # type: ignore[arg-type]
 
 

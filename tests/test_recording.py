@@ -384,6 +384,19 @@ def test_a_recording_that_cannot_be_read_back_is_not_kept(
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_recording_does_not_depend_on_those_before_it(tmp_path: Path) -> None:
+    """Rerun knows the type of a property from the first that is not empty."""
+    shown = SimpleNamespace(experiment="by-hand", seed=0, title="", complete=True)
+    layout = views.tabs(rrb.Vertical(views.text("summary", "Summary")))
+    told = []
+    for number, text in enumerate(("", "a fault", "")):
+        path = tmp_path / f"{number}.rrd"
+        with stream.saved_stream(path, shown, b"", layout, properties={"faults_of_this_test": text}) as recording:
+            stream.log_markdown(recording, "summary", "text")
+        told.append(any("faults_of_this_test" in str(column) for column in RrdReader(path).store().schema()))
+    assert told == [False, True, False]
+
+
 @pytest.mark.parametrize("robot", ["puma560_measured", "ur5_robot.urdf"])
 def test_skeleton_leads_from_joint_to_joint(robot: str) -> None:
     mechanism = load(urdf(robot) if robot.endswith("urdf") else robot)

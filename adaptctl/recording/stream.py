@@ -70,7 +70,9 @@ def saved_stream(
             recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
             recording.send_recording_name(shown.title)
             how: dict[str, Any] = {"experiment": shown.experiment, "seed": shown.seed, "complete": shown.complete}
-            about = rr.AnyValues(**dict(properties) | how | of, content_sha256=checksum)
+            # Rerun leaves out what is empty, unless an earlier recording of this process had more under its name.
+            told = {name: value for name, value in properties.items() if value not in ("", [])}
+            about = rr.AnyValues(**told | how | of, content_sha256=checksum)
             recording.send_property("adaptctl", about)
             yield recording
             _flush(recording, path)

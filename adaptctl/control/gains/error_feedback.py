@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from adaptctl.arrays import Array, positive_number, real_number, whole_number
 from adaptctl.errors import GainError, InputError, printable
+from adaptctl.optional_packages import needed
 
 if TYPE_CHECKING:
     import control
@@ -459,6 +460,7 @@ def _lag(value: complex) -> float:
 def _crossings(function: Callable[[float], float], angles: Array, values: Array) -> list[float]:
     """Angles at which a function changes sign."""
     places = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0.0)
-    from scipy.optimize import brentq  # takes longer to load than many an experiment that never needs it
+    with needed("margins"):
+        from scipy.optimize import brentq  # takes longer to load than many an experiment that never needs it
 
     return [float(brentq(function, angles[k], angles[k + 1], xtol=1e-15, rtol=1e-14)) for k in places]

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import expm
 
 from adaptctl.arrays import Array
 from adaptctl.errors import GainError
+from adaptctl.optional_packages import needed
 
 SHARES = np.array([0.0, *np.geomspace(1e-2, 1.0, 5)])
 """stiffnesses of the surroundings for which a loop is checked, relative to the greatest"""
@@ -69,6 +69,9 @@ class DrivenLoop:
 
     def _held(self, spring: Array) -> tuple[Array, Array]:
         """Change (S, 2r, 2r) of positions and velocities between springs, and by a held torque (S, 2r, r)."""
+        with needed("a target inertia"):
+            from scipy.linalg import expm
+
         S, r = self.mass.shape[:2]
         rates = np.zeros((S, 3 * r, 3 * r))
         rates[:, :r, r : 2 * r] = np.eye(r)

@@ -15,6 +15,7 @@ from adaptctl.control.gains.sampling_ratio import MAX_SAMPLING_RATIO, sampled_in
 from adaptctl.control.gains.workspace import Workspace, everywhere
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import GainError, InputError
+from adaptctl.optional_packages import needed
 
 POLE_ANGLE_RANGE = (1e-3, 30.0)  # rad per period, in which the largest allowed pole is sought
 
@@ -325,7 +326,8 @@ class GainDesign:
             return np.inf
         if excess(slowest) > 0.0:
             return 0.0
-        from scipy.optimize import brentq  # takes longer to load than many an experiment that never needs it
+        with needed("a largest bandwidth"):
+            from scipy.optimize import brentq  # takes longer to load than many an experiment that never needs it
 
         return float(np.exp(brentq(excess, slowest, quickest, xtol=1e-6)))
 
