@@ -33,7 +33,7 @@ golden: $(STAMP) ## compare outputs with the references in tests/golden; ten min
 bench: $(STAMP) ## measure the speed against other tools, and update docs/speed.md and README.md's plot; three minutes
 	$(BIN)/python -m benchmarks
 
-contest: $(STAMP) ## rank all laws on benchmarks/contest.toml, into results/contest and docs/contest.md; half an hour, resumes where it was stopped
+contest: $(STAMP) ## rank all laws on benchmarks/contest.toml, into results/contest and docs/contest.md; a quarter of an hour, resumes where it was stopped
 	$(BIN)/adaptctl contest benchmarks/contest.toml --out results/contest --measure-step-time
 	$(BIN)/adaptctl contest benchmarks/laws_judged_on.toml --out results/laws
 	$(BIN)/python -m docs.making.contest results/contest results/laws
