@@ -150,7 +150,7 @@ class TaskImpedance(JointImpedance):
         point, springs = self._moving(q), self._springs(q, goal)
         still = self._still(point)
         kept = still.solved(column(self.stiffness) * still.solved(p - goal))
-        return _torque(point, springs.force, springs.moment) + kept, springs.energy
+        return point.torque(springs.force, springs.moment) + kept, springs.energy
 
     def _damper(self, q: Column, s: Column) -> Column:
         return self._along(self._moving(q), s, column(self.tool_damping), column(self.damping))
@@ -274,12 +274,7 @@ def _turning(R: Mat, stiffness: Column) -> tuple[Vec, Any]:
     return moment, x * (1.0 - R.x.x) + y * (1.0 - R.y.y) + z * (1.0 - R.z.z)
 
 
-def _torque(point: MovingPoint, force: Vec, moment: Vec) -> Column:
-    """Torque (r,) J' w of a force and a moment."""
-    return Column(dot(way, force) + dot(turn, moment) for way, turn in zip(point.columns, point.turns, strict=True))
-
-
 def _weighed(point: MovingPoint, rates: Sequence[Any], tool: Column) -> Column:
     """Torque (r,) of a force and a moment, so much (6,) of six rates."""
     x, y, z, a, b, c = (gain * rate for gain, rate in zip(tool, rates, strict=True))
-    return _torque(point, Vec(x, y, z), Vec(a, b, c))
+    return point.torque(Vec(x, y, z), Vec(a, b, c))

@@ -7,8 +7,8 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.compilation import compile_function
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.recursion.kinematics import frames
-from adaptctl.scalars import Column, Vec, cross, dot
+from adaptctl.dynamics.recursion.kinematics import frames, point_at
+from adaptctl.scalars import Column, Vec
 
 
 class WrenchTorque:
@@ -18,16 +18,8 @@ class WrenchTorque:
         links = mechanism.equations.links
 
         def torque(p: Column, wrench: Column, point: Column) -> Column:
-            placed, i = frames(links, p), len(links) - 1
-            force, moment, at = Vec(*list(wrench)[:3]), Vec(*list(wrench)[3:]), Vec(*point)
-            torques = [0.0 * x for x in p]
-            while i >= 0:
-                axis = placed[i].rotation @ links[i].axis
-                joint = placed[i].origin - placed[i].rotation @ links[i].joint_to_link
-                turning = dot(axis, cross(at - joint, force) + moment)
-                torques[i] = turning if links[i].turns else dot(axis, force)
-                i = links[i].parent
-            return Column(torques)
+            touched = point_at(links, frames(links, p), len(links) - 1, Vec(*point))
+            return touched.torque(Vec(*list(wrench)[:3]), Vec(*list(wrench)[3:]))
 
         sizes = {"p": mechanism.dof, "wrench": 6, "point": 3}
         self._kernel = compile_function(torque, sizes, name="wrench torque")

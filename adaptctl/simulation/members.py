@@ -89,10 +89,15 @@ def gains_of(controller: Controller[Any], given: Mapping[str, Array], count: int
     return {name: np.broadcast_to(given.get(name, x), (count, *x.shape)) for name, x in own.items()}
 
 
+def joined_gains(each: Mapping[str, Array]) -> Array:
+    """Rows (count, ...) of all gains of each arm, one after the other."""
+    return np.concatenate([x.reshape(len(x), -1) for x in each.values()], axis=1)
+
+
 def _require(controller: Controller[Any], each: Mapping[str, Array]) -> None:
     with suppress(InputError):
         controller.tuned({name: x.max(axis=0) for name, x in each.items()})
-    rows = np.concatenate([x.reshape(len(x), -1) for x in each.values()], axis=1)
+    rows = joined_gains(each)
     for k in np.unique(rows, axis=0, return_index=True)[1].tolist():
         controller.tuned({name: x[k] for name, x in each.items()})
 

@@ -22,7 +22,16 @@ from adaptctl.control.safety_filter import SafetyFilter
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
 from adaptctl.simulation.closed_loop import ClosedLoop, Driven, not_compiled
-from adaptctl.simulation.members import Noise, Seeds, arms_of, checked_seeds, differing, gains_of, validate_single
+from adaptctl.simulation.members import (
+    Noise,
+    Seeds,
+    arms_of,
+    checked_seeds,
+    differing,
+    gains_of,
+    joined_gains,
+    validate_single,
+)
 from adaptctl.simulation.plant import Plant
 from adaptctl.simulation.reference_limits import warn_of_limits
 from adaptctl.simulation.references import REFERENCE, ReferenceForm, ReferencesOfMany, SignalsAhead, warn_of_derivatives
@@ -365,7 +374,7 @@ class _Runs(Driven):
         held: dict[str, Any] = {"parameters": own, **batch.signals.references.held, "final": float(self.final), **true}
         held |= {name: np.minimum(bound, largest) for name, bound in bounds.items()}
         if gains:
-            held[GAINS] = np.concatenate([x.reshape(len(x), -1) for x in gains.values()], axis=1)
+            held[GAINS] = joined_gains(gains)
         for columns, values in ((arms.state, rise), (arms.held, held)):
             for name, each in values.items():
                 columns[name] = each

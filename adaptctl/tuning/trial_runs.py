@@ -12,7 +12,7 @@ from adaptctl.compilation import Ensemble
 from adaptctl.control.controller import GAINS, Controller, Reference
 from adaptctl.simulation import Plant
 from adaptctl.simulation.closed_loop import LATE, ClosedLoop, Sample
-from adaptctl.simulation.members import Noise, differing, gains_of
+from adaptctl.simulation.members import Noise, differing, gains_of, joined_gains
 from adaptctl.simulation.references import REFERENCE, sampled
 
 RECORD_INTERVAL = 50  # control periods
@@ -65,7 +65,7 @@ def _at_rest(plant: Plant, laws: Sequence[Controller[Any]], first: Array, parame
     loop.set_state(arms, state, law.init(state.measured_p, state.measured_v, gains))
     arms.held["parameters"] = parameters
     if gains:
-        arms.held[GAINS] = np.concatenate([x.reshape(len(x), -1) for x in gains.values()], axis=1)
+        arms.held[GAINS] = joined_gains(gains)
     return arms
 
 

@@ -11,7 +11,7 @@ from adaptctl.arrays import Array, stacked
 from adaptctl.dynamics.mechanism import Mechanism
 from adaptctl.dynamics.recursion.motion import GROUND
 from adaptctl.dynamics.recursion.segment import Placement, Segment, placements
-from adaptctl.scalars import ZERO, Column, Mat, Vec, column, cross
+from adaptctl.scalars import ZERO, Column, Mat, Vec, column, cross, dot
 
 _WORLD_AXES = Mat.of(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
 
@@ -108,6 +108,10 @@ class MovingPoint:
         """Angular velocity (3,) of the link in the world frame in rad/s."""
         return _sum_of(self.turns, rates)
 
+    def torque(self, force: Vec, moment: Vec) -> Column:
+        """Torque (r,) J' w of a force in N at the point and a moment in N m on the link."""
+        return Column(dot(way, force) + dot(turn, moment) for way, turn in zip(self.columns, self.turns, strict=True))
+
 
 def _sum_of(columns: Sequence[Vec], rates: Column) -> Vec:
     total = ZERO
@@ -119,7 +123,11 @@ def _sum_of(columns: Sequence[Vec], rates: Column) -> Vec:
 def moving_point(links: Sequence[Segment], q: Column, link: int, offset: Vec) -> MovingPoint:
     """Position and Jacobian of a point of a link."""
     placed = frames(links, q)
-    position = placed[link].origin + placed[link].rotation @ offset
+    return point_at(links, placed, link, placed[link].origin + placed[link].rotation @ offset)
+
+
+def point_at(links: Sequence[Segment], placed: Sequence[Frame], link: int, position: Vec) -> MovingPoint:
+    """Point of a link that is at a position (3,) in m in the world frame, with its Jacobian."""
     columns, turns, i = [ZERO] * len(links), [ZERO] * len(links), link
     while i != GROUND:
         axis = placed[i].rotation @ links[i].axis
