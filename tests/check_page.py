@@ -1,7 +1,8 @@
 """WebAssembly where it is to run: in node and in a browser without a window, against Python: `make check-page`.
 
 Twenty seconds of closed loop of two arms, law and plant as in a report, within 1e-12 N m of `simulate`; how many times
-real time; and the page itself opened from a file, played through its own buttons. Names each tool that is missing.
+real time; the page itself opened from a file, played through its own buttons; and the class of an exported package.
+Names each tool that is missing.
 """
 
 from __future__ import annotations
@@ -20,8 +21,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from every_law import guarded, slotine_li
 
+import adaptctl
 from adaptctl.arrays import Array
+from adaptctl.codegen.closed_loop_check import default_reference, record
+from adaptctl.codegen.interface import Interface
 from adaptctl.codegen.live_arm import LiveArm, live_arm
 from adaptctl.recording.page import Fragment, Report, Section
 from adaptctl.simulation import Plant
@@ -133,6 +138,47 @@ def processor_time() -> float:
     return spent.ru_utime + spent.ru_stime
 
 
+PACKAGE = """
+const { Controller } = require(process.argv[1]);
+const rows = JSON.parse(require("fs").readFileSync(0, "utf8"));
+const still = [0, 0, 0], rest = { p: still, v: still, a: still }, law = new Controller();
+const braked = (v) => new Controller().step(still, v, rest).torque;
+const early = law.setEstimate(law.estimate());
+law.init(rows[0].p);
+const torque = rows.map(({ p, v, reference }) => law.step(p, v, reference).torque);
+const before = law.estimate();
+const short = [law.step([0, 0], still, rest), law.step([...still, 0], still, rest), law.init([0, 0])];
+const kept = JSON.stringify(law.estimate()) === JSON.stringify(before);
+law.init(rows[0].p);
+const refused = [early, law.setEstimate([1]), law.setEstimate(before.map(() => NaN))];
+const warm = law.setEstimate(before) && JSON.stringify(law.estimate()) === JSON.stringify(before);
+const brakes = [[1, -2, 3], [50, -50, 1e300], [NaN, Infinity, 0]].map(braked);
+console.log(JSON.stringify({ torque, estimate: before, short, kept, refused, warm, brakes }));
+"""
+
+
+def exported_class(node: str) -> str:
+    """What the class of an exported package does in node, against Python and what its README says."""
+    interface = Interface(guarded(slotine_li(), torque=40.0, stop_damping=[2.0, 3.0, 4.0]))
+    law, (rows, last) = interface.controller, record(interface, default_reference(interface), ticks=200)
+    given = [{"p": row.p, "v": row.v, "reference": row.reference._asdict()} for row in rows]
+    with tempfile.TemporaryDirectory() as place:
+        made = adaptctl.export(law, Path(place) / "out", name="arm", language="wasm")
+        command = [node, "-e", PACKAGE, str(made.directory / "arm.js")]
+        text = json.dumps(given, default=np.ndarray.tolist)
+        done = subprocess.run(command, input=text, capture_output=True, text=True, check=True)
+    said = json.loads(done.stdout)
+    np.testing.assert_allclose(said["torque"], [row.torque for row in rows], rtol=0.0, atol=1e-11 * 40.0)
+    np.testing.assert_allclose(said["estimate"], last.inner.estimate, rtol=1e-9, atol=1e-12)
+    assert said["brakes"] == [[-2.0, 6.0, -12.0], [-40.0, 40.0, -40.0], [0.0, 0.0, 0.0]]
+    assert [answer["status"] for answer in said["short"][:2]] == [1, 1]
+    assert said["short"][2] == 1
+    assert said["kept"]
+    assert said["refused"] == [False, False, False]
+    assert said["warm"]
+    return f"exported class in node: {len(rows)} steps as in Python; brake, wrong lengths, estimates as its README says"
+
+
 def report() -> Iterator[str]:
     """Lines of what was checked; ends in SystemExit where something failed."""
     yield f"{Machine.here()}; load {os.getloadavg()[0]:.1f}"
@@ -141,6 +187,8 @@ def report() -> Iterator[str]:
     for name, found in (("node", node), (BROWSERS[0], browser)):
         if found is None:
             yield f"missing: {name}: nothing is checked in it"
+    if node:
+        yield exported_class(node)
     failed = False
     for name, task in {"puma": puma(), "semi_direct_drive": semi_direct_drive()}.items():
         plant, state, parameters = started(task)

@@ -72,7 +72,6 @@ def test_columns_too_small_to_be_squared_are_refused_and_zeros_are_not() -> None
     turn_by_turn([".bag", ".mcap", ".db3"], [b"\xde\xad" * 25_000, b"#ROSBAG V2.0\n" + bytes(range(256)) * 20]),
 )
 def test_junk_is_no_bag(tmp_path: Path, suffix: str, content: bytes) -> None:
-    pytest.importorskip("rosbags")
     (tmp_path / f"junk{suffix}").write_bytes(content)
     with pytest.raises(InputError, match=r"junk\.\w+: cannot be read as (a ROS bag|MCAP)"):
         read_log(tmp_path / f"junk{suffix}")

@@ -47,7 +47,8 @@ def tiny(seed: int) -> tuple[Array, Array, EntropicPrior, float]:
 
 def clarabel(A: Array, b: Array, prior: EntropicPrior, weight: float) -> Array:
     """The same minimum by a conic programme."""
-    cvxpy = pytest.importorskip("cvxpy")
+    import cvxpy
+
     roots = [np.linalg.cholesky(pseudo_inertia(ten)) for ten in prior.tens]
     links = [cvxpy.Variable((4, 4), PSD=True) for _ in roots]
     own = cvxpy.Variable(len(prior.positive))

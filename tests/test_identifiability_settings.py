@@ -243,7 +243,6 @@ def test_the_adaptation_gain_is_in_proportion_to_its_rate() -> None:
 
 
 def test_a_mechanism_whose_constraints_take_nothing_away_can_be_lifted() -> None:
-    pytest.importorskip("cvxpy")
     model = ReducedModel.full(constrained(two_link(), Constraints()))
     assert nearest_consistent(model, model.fundamental_parameters).is_feasible
 

@@ -159,7 +159,6 @@ def test_pipes_are_no_logs_and_runs(read: Callable[[Path], object], name: str, t
 
 
 def test_pipes_are_no_scenes(tmp_path: Path) -> None:
-    pytest.importorskip("mujoco")
     with pipe(tmp_path / "scene.xml"), pytest.raises(FileError, match="not a regular file"):
         MuJoCoPlant.of(tmp_path / "scene.xml", 1e-3)
 

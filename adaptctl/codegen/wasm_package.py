@@ -9,7 +9,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.codegen.c_function import Kind
-from adaptctl.codegen.c_package import filled, title
+from adaptctl.codegen.c_package import BRAKING, filled, title
 from adaptctl.codegen.initialisation import start_of
 from adaptctl.codegen.interface import FAULTS, Brake, Interface, status_bits
 from adaptctl.codegen.wasm_module import WasmModule
@@ -57,10 +57,24 @@ def wasm_files(interface: Interface, name: str, scalar: Kind) -> tuple[dict[str,
         "limit": _plain(brake.limit),
     }
     text = base64.b64encode(binary).decode("ascii")
-    script = filled("controller.js", name=name, title=title(interface), version=__version__, facts=facts, binary=text)
-    about = filled("README.wasm.md", name=name, title=title(interface), version=__version__, size=len(binary))
+    told = {"name": name, "title": title(interface), "version": __version__}
+    script = filled("controller.js", **told, facts=facts, binary=text)
+    about = filled("README.wasm.md", **told, **_words(interface), size=len(binary))
     files: dict[str, str | bytes] = {f"{name}.wasm": binary, f"{name}.js": script, "README.md": about}
     return files, {"wasm_bytes": len(binary), "tolerance": 1e-12}
+
+
+def _words(interface: Interface) -> dict[str, Any]:
+    """What the README says of joints, the status and estimates."""
+    size, follows = interface.controller.reference_size, interface.follows_joints
+    return {
+        "joints": interface.joints,
+        "reference": f"{size} numbers" + ("" if follows else ", which are not of joints"),
+        "period": repr(interface.control_period),
+        "bits": status_bits(interface),
+        "braking": BRAKING,
+        "estimate": interface.estimate,
+    }
 
 
 def _numbers(places: Any) -> list[int]:
