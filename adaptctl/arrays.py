@@ -15,8 +15,8 @@ from adaptctl.errors import InputError, NonFiniteError, printable, shown
 
 MAX_SETTING = 1e30
 """magnitude of settings, and the inverse of the smallest, so that products of several are finite and not 0"""
-MIN_PERIOD, MAX_DURATION = 1e-9, 1e9
-"""shortest control period and longest run in s, so that periods can be counted"""
+MIN_PERIOD, MAX_PERIOD, MAX_DURATION = 1e-9, 0.1, 1e9
+"""shortest and longest control period and longest run in s: periods can be counted, and ms are not taken for s"""
 
 Array = NDArray[np.float64]
 Given = ParamSpec("Given")
@@ -138,9 +138,9 @@ def positive_number(value: object, what: str, least: float = 1.0 / MAX_SETTING, 
     return number
 
 
-def positive_period(value: object, what: str) -> float:
-    """Control period in s as a float."""
-    return positive_number(value, f"{what}: expected a positive time in s", MIN_PERIOD, MAX_DURATION)
+def positive_period(value: object, what: str, least: float = MIN_PERIOD) -> float:
+    """Control period in s as a float, from `least` to `MAX_PERIOD`."""
+    return positive_number(value, f"{what}: expected a positive time in s (1 ms is 0.001)", least, MAX_PERIOD)
 
 
 def real_number(value: object, what: str) -> float:

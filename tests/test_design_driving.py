@@ -83,7 +83,10 @@ def test_what_cannot_be_driven_is_refused() -> None:
         (("--components", "3"), "--components is for closed-loop runs"),
         (("--drive", "--components", "7"), "components of two_link: expected a whole number from 1 to 6, got 7"),
         (("--drive", "--duration", "-1"), "duration: expected a positive number of s"),
-        (("--drive", "--control-period", "1"), "period: expected a number above 0 and at most 0.1"),
+        (
+            ("--drive", "--control-period", "1"),
+            "period: expected a positive time in s (1 ms is 0.001), from 1e-09 to 0.1",
+        ),
     ],
 )
 def test_wrong_flags_are_one_line(more: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str]) -> None:

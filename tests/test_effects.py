@@ -172,10 +172,10 @@ def test_viscous_friction_brakes_a_rotor_exponentially() -> None:
     spinner = random_chain(1, 1)
     spinner = Mechanism(spinner.description.with_parameters(np.array([0, 0, 0, 0, 2.0, 0, 2.0, 0, 0, 2.0])))
     inertia = float(spinner.mass_matrix(np.zeros((1, 1)))[0, 0, 0])
-    expected = 3.0 * math.exp(-0.7 * 0.5 / inertia)
+    expected = 3.0 * math.exp(-0.7 * 0.1 / inertia)
     for plant in (
-        Plant(spinner, 0.5, 50, effects=(Friction(0.7),)),
-        Plant(spinner.with_drives(Drive(viscous=0.7)), 0.5, 50),
+        Plant(spinner, 0.1, 50, effects=(Friction(0.7),)),
+        Plant(spinner.with_drives(Drive(viscous=0.7)), 0.1, 50),
     ):
         assert plant.step(plant.init([0.0], [3.0]), [0.0]).v[0] == pytest.approx(expected, rel=1e-9)
 

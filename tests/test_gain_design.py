@@ -242,7 +242,7 @@ def test_poles_that_round_off_loses_may_be_as_much_faster_as_one_likes(capsys: p
         (["puma560_geared", "--bandwidth", "-1", "--damping-ratio", "1"], "bandwidth: expected positive numbers"),
         (["puma560_geared", "--bandwidth", "-1"], "bandwidth: expected a number above 0 and at most 1000, got -1.0"),
         (["puma560_geared", "--bandwidth", "1001"], "bandwidth: expected a number above 0 and at most 1000"),
-        (["puma560_geared", "--control-period", "0"], "period: expected a number above 0 and at most 0.1, got 0.0"),
+        (["puma560_geared", "--control-period", "0"], "period: expected a positive time in s (1 ms is 0.001), got 0.0"),
         (
             ["puma560_geared", "--damping-ratio", "1", "--control-period", "0"],
             "control period: expected a positive time in s",

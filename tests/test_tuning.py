@@ -242,9 +242,9 @@ def test_numbers_may_be_numpys() -> None:
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"control_period": float("nan")}, "control_period: expected a number above 0"),
-        ({"control_period": 0.0}, "control_period: expected a number above 0"),
-        ({"control_period": -1.0}, "control_period: expected a number above 0"),
+        ({"control_period": float("nan")}, r"control_period: expected a positive time in s \(1 ms is 0.001\)"),
+        ({"control_period": 0.0}, r"control_period: expected a positive time in s \(1 ms is 0.001\)"),
+        ({"control_period": -1.0}, r"control_period: expected a positive time in s \(1 ms is 0.001\)"),
         ({"bandwidth": 0.0}, "bandwidth: expected a number above 0"),
         ({"sampling_ratio": 2.0}, "sampling_ratio: expected a number above 0 and at most 1.5"),
         ({"adaptation_ratio": float("inf")}, "adaptation_ratio: expected a number above 0"),

@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 import adaptctl.envs  # noqa: F401  # registers
-from adaptctl.control import ComputedTorque, DeadZone, Gains, PDGravity, ReferencePoint, sampled_gain
+from adaptctl.control import ComputedTorque, DeadZone, GainDesign, Gains, PDGravity, ReferencePoint, sampled_gain
 from adaptctl.description import Condition, Coupling, Limits
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.errors import AdaptctlError, NonFiniteError
+from adaptctl.errors import AdaptctlError, InputError, NonFiniteError
 from adaptctl.simulation import Plant
+from adaptctl.tuning import tune
 
 WRONG: tuple[Any, ...] = ("x", None, 10**400, float("nan"), float("inf"), [None] * 6, ["a"] * 6, {}, 1j)
 WRONG += ([[1.0, 2.0], [3.0]], np.timedelta64(3, "s"), np.full(6, np.timedelta64(3, "s")))
@@ -39,6 +40,8 @@ TAKERS: dict[str, Callable[[Mechanism, gymnasium.Env[Any, Any], Any], object]] =
     "forward_dynamics": lambda arm, env, x: arm.forward_dynamics(np.zeros(6), x, np.zeros(6)),
     "energy_regressor": lambda arm, env, x: arm.energy_regressor(np.zeros(6), x),
     "period of a plant": lambda arm, env, x: Plant(arm, x),
+    "period of gains": lambda arm, env, x: GainDesign.from_bandwidth(arm, 4.0, control_period=x),
+    "period of a tuning": lambda arm, env, x: tune(arm, control_period=x),
     "substeps of a plant": lambda arm, env, x: Plant(arm, 1e-3, substeps=x),
     "gains": lambda arm, env, x: PDGravity(arm, x, 1.0),
     "bandwidth": lambda arm, env, x: ComputedTorque(arm, x, 1.0),
@@ -87,6 +90,14 @@ def tick(arm: Mechanism, reference: ReferencePoint, arms: tuple[int, ...] = ()) 
 def test_what_is_no_number_is_refused(arm: Mechanism, env: gymnasium.Env[Any, Any], taker: str, wrong: Any) -> None:
     with pytest.raises(AdaptctlError):
         TAKERS[taker](arm, env, wrong)
+
+
+@pytest.mark.parametrize("taker", [name for name in TAKERS if name.startswith("period")])
+def test_a_period_in_ms_is_told(arm: Mechanism, env: gymnasium.Env[Any, Any], taker: str) -> None:
+    with pytest.raises(
+        InputError, match=r"period: expected a positive time in s \(1 ms is 0\.001\), from .* to 0\.1, got 1"
+    ):
+        TAKERS[taker](arm, env, 1)
 
 
 def test_true_and_false_are_no_numbers_of_joints(arm: Mechanism) -> None:

@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, per_joint, positive_number, whole_count
+from adaptctl.arrays import Array, per_joint, positive_number, positive_period, whole_count
 from adaptctl.caching import cached_property
 from adaptctl.control import PriorRanges, typical_inertia
 from adaptctl.control.controller import Reference, ReferencePoint
@@ -76,7 +76,7 @@ class DefaultGains:
     ) -> DefaultGains:
         """Rule for a mechanism. Raises `InputError` for wrong settings."""
         validate_kind(mechanism, Mechanism, "tune", "as load(...) gives one")
-        control_period, seed = at_most("control_period", control_period, 0.1), whole_count(seed, "seed")
+        control_period, seed = positive_period(control_period, "control_period"), whole_count(seed, "seed")
         given = None if initial_error is None else _given_error(mechanism, initial_error)
         limits = finite_torque_limits(mechanism)
         if reference is None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from adaptctl.arrays import Array, positive_number, real_number, whole_number
+from adaptctl.arrays import Array, positive_number, positive_period, real_number, whole_number
 from adaptctl.errors import GainError, InputError, printable
 from adaptctl.optional_packages import needed
 
@@ -335,8 +335,8 @@ class ErrorFeedback:
 
 
 def _validate_period(control_period: float) -> None:
-    """Raise `InputError` unless the period is positive; its gains are exact however short it is."""
-    positive_number(control_period, "control period: expected a positive time in s", 0.0, math.inf)
+    """Raise `InputError` for no or too long a period; gains are exact however short it is."""
+    positive_period(control_period, "control period", least=0.0)
 
 
 def _roots(damping_ratio: float) -> tuple[complex, complex]:
