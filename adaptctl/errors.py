@@ -180,6 +180,10 @@ class ReferenceWarning(UserWarning):
     """Warning of a reference that an arm cannot follow."""
 
 
+class TuningWarning(UserWarning):
+    """Warning of what limits gains that were chosen by rule, or what they assume."""
+
+
 class TraceError(AdaptctlError, TypeError):
     """
     Error of an equation, such as a control law, that cannot be compiled.

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from two_links import ARM
+from two_links import ARM, changed
 
 import adaptctl
-from adaptctl.errors import InputError, VerdictError
+from adaptctl.errors import InputError, TuningWarning, VerdictError
 from adaptctl.simulation.effects import ControlDelay, ElasticJoints, Encoder, FilteredDifferences
 from adaptctl.tuning import stated_effects, tune, with_friction
 from adaptctl.tuning.stated_effects import Rates, held, holds, late_share
@@ -151,3 +151,9 @@ def test_gains_hold_with_stated_springs_or_are_refused() -> None:
     assert np.all(soft.gains.damping < 0.6 * rigid.gains.damping)
     with pytest.raises(VerdictError):
         behind.controller(base_model(ARM))
+
+
+def test_the_tuning_s_notes_are_warnings_of_the_controller() -> None:
+    arm = changed(lambda joint: joint, source="URDF file arm.urdf")
+    with pytest.warns(TuningWarning, match="two_link: shoulder, elbow: URDF has no rotor inertias"):
+        adaptctl.adaptive_controller(arm, control_period=4e-3)

@@ -24,6 +24,7 @@ from adaptctl.errors import (
     NotCompiledWarning,
     PhysicalConsistencyWarning,
     SimplificationWarning,
+    TuningWarning,
     VerdictError,
     printable,
 )
@@ -161,7 +162,7 @@ def _complain(message: object, code: int) -> int:
 @contextmanager
 def _warnings_as_notes() -> Iterator[None]:
     """Show our own warnings as a line each, once; leave those of others as they are."""
-    ours = (PhysicalConsistencyWarning, SimplificationWarning, NotCompiledWarning, LiveViewWarning)
+    ours = (PhysicalConsistencyWarning, SimplificationWarning, NotCompiledWarning, LiveViewWarning, TuningWarning)
     with warnings.catch_warnings():
         theirs, shown = warnings.showwarning, set[str]()
 

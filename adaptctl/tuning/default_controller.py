@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
@@ -11,7 +12,7 @@ from adaptctl.control import GuardedLearning, SlotineLi
 from adaptctl.control.adaptation.late_torques import MAX_DELAY
 from adaptctl.control.controller import Reference
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError, validate_kind
+from adaptctl.errors import InputError, TuningWarning, validate_kind
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.simulation.effects.actuators import ControlDelay
 from adaptctl.simulation.effects.effect import Effect
@@ -72,6 +73,11 @@ def adaptive_controller(
     InputError
         If a number is out of range, or no gains hold the arm at this period.
 
+    Warns
+    -----
+    TuningWarning
+        For each of the tuning's `notes`, such as a load near a torque limit.
+
     Notes
     -----
     Gains are those of `tune`, the law that of `learning_law`. docs/adaptation.md has the errors that it ends at.
@@ -92,6 +98,8 @@ def adaptive_controller(
     given: dict[str, Any] = {"control_period": control_period, "reference": reference, "sampling_ratio": sampling_ratio}
     late = (ControlDelay(delay),) if delay else ()
     tuning = tune(mechanism, **given, seed=seed, effects=(*listed(effects), *late))
+    for note in tuning.notes:
+        warnings.warn(f"{mechanism.name}: {note}", TuningWarning, stacklevel=2)
     model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism, seed=seed)))
     return tuning.controller(model, anyway=anyway)
 

@@ -427,8 +427,6 @@ def _notes(mechanism: Mechanism, found: FeasibleReference, carried: FeasibleGain
             )
         if (rate := carried.gains.bandwidth[j]) < MIN_BANDWIDTH:
             yield f"{joint.name}: the torque limit allows a bandwidth of only {rate:.2g} 1/s: adaptation takes minutes"
-    if wrong := mechanism.description.inconsistent_links:
-        yield f"the inertial parameters of {', '.join(wrong)} are not physically consistent"
     yield from filter(None, (rotor_note(mechanism), yielding_note(mechanism, carried.gains)))
     if plant.integrator.implicit:
         explicit = f"{MAX_EXPLICIT_SUBSTEPS} explicit steps per period"
