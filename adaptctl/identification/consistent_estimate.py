@@ -31,15 +31,16 @@ FROM_DIRECTIONS = np.linalg.inv(np.einsum("aij,kij->ak", DIRECTIONS, UNIT_PSEUDO
 EYE, FLAT = np.eye(4), DIRECTIONS.reshape(10, 16)
 # Logarithm of a factor on the prior's links from which on a search may begin there too, as of logs in another unit.
 FAR = np.log(30.0)
-# Steps at most of a search from a start; share of the way to the cone's edge that one takes; power of the predictor's
-# success that sets the next target; and share of the multipliers at the start of those that balance the data there.
-MAX_WARM_STEPS, EDGE_SHARE, TARGET_POWER, FIRST_SHARE = 15, 0.98, 2.0, 0.1
+# Steps at most of a search from a start, and of another; share of the way to the cone's edge that one takes; power of
+# the predictor's success that sets the next target; and share of the multipliers at the start of those that balance
+# the data there.
+MAX_WARM_STEPS, MAX_STEPS, EDGE_SHARE, TARGET_POWER, FIRST_SHARE = 15, 50, 0.98, 2.0, 0.1
 # Relative error of P Z and of the slope at which the search ends, that from which on it is near its end, and steps
 # there without half as large an error after which round-off is all that is left.
 ERROR, NEAR_END, IDLE_STEPS = 1e-8, 0.1, 4
-# Powers of the predictor's share by which the corrector is weighed, and steps at most of each such search: some
-# problems end quickly with the one only, some with the other.
-CORRECTORS = ((0.0, 30), (2.0, 60))
+# Share of a step below which one that only centers is tried too; error of the slope below which the corrector is weighed
+# by the square of the predictor's share: without it, some searches go round for ever, and with it above, others do.
+SHORT, SMALL_SLOPE = 0.2, 1.0
 # Sum of the divergence's weights relative to the squares below which it is lost in round-off, and taken to be so large.
 LEAST_WEIGHT = 1e-13
 # Share of each column's square that is added, since data may not tell columns without a prior apart.
@@ -52,13 +53,23 @@ def consistent_estimate(A: Array, b: Array, prior: EntropicPrior, weight: float,
     """Consistent parameters (P,) that minimise x^T A x/2 - b^T x plus the divergence, searched from a start."""
     if not (np.all(np.isfinite(A)) and np.all(np.isfinite(b))):
         raise AdaptctlError("the sums of the rows' squares are not finite; check the units of the columns")
-    problem, found = _Problem(A, b, prior, weight), list[_Point]()
-    origin = prior.start(len(b))
-    searches = [(x, False, power, steps) for x in (origin, *_multiple(A, b, prior)) for power, steps in CORRECTORS]
-    first = [] if start is None else [(start, True, 0.0, MAX_WARM_STEPS)]
-    for begun, near, power, steps in (*first, *searches):
+    told = np.flatnonzero((np.diag(A) > 0.0) | (np.arange(len(b)) < prior.tens.size))
+    told = np.union1d(told, prior.positive)
+    x = np.zeros(len(b))
+    own = EntropicPrior(prior.tens, np.searchsorted(told, prior.positive), prior.scales)
+    x[told] = _estimate(_Problem(A[np.ix_(told, told)], b[told], own, weight), None if start is None else start[told])
+    return x
+
+
+def _estimate(problem: _Problem, start: Array | None) -> Array:
+    """Consistent parameters of a problem that has no columns without rows."""
+    found, prior = list[_Point](), problem.prior
+    origin = prior.start(len(problem.b))
+    first = [] if start is None else [(start, True, MAX_WARM_STEPS)]
+    others = [(x, False, MAX_STEPS) for x in (origin, *_multiple(problem.A, problem.b, prior))]
+    for begun, near, steps in (*first, *others):
         with suppress(np.linalg.LinAlgError):
-            point, converged = _searched(problem, problem.start(begun, near), steps, power)
+            point, converged = _searched(problem, problem.start(begun, near), steps)
             found.append(point)
             if converged:
                 return _inside(point.x, prior)
@@ -73,7 +84,7 @@ def _multiple(A: Array, b: Array, prior: EntropicPrior) -> list[Array]:
     return [np.where(links, times * x, x)] if times > 0.0 and abs(np.log(times)) > FAR else []
 
 
-def _searched(problem: _Problem, point: _Point, steps: int, power: float) -> tuple[_Point, bool]:
+def _searched(problem: _Problem, point: _Point, steps: int) -> tuple[_Point, bool]:
     """Point at which a search ends, and whether its error is that of round-off."""
     best, idle = np.inf, 0
     for _ in range(steps):
@@ -84,7 +95,7 @@ def _searched(problem: _Problem, point: _Point, steps: int, power: float) -> tup
         if error < ERROR or idle == IDLE_STEPS:
             return point, True
         try:
-            point = newton.next_point(power)
+            point = newton.next_point()
         except np.linalg.LinAlgError:
             break
     return point, False
@@ -96,9 +107,9 @@ def optimality_residual(A: Array, b: Array, prior: EntropicPrior, weight: float,
     with suppress(np.linalg.LinAlgError):
         if np.all(x[prior.positive] > 0.0):
             roots, times = np.asarray(np.linalg.cholesky(prior.matrices(x)), dtype=np.float64), problem.times(x)
-            move = _map(roots, x[prior.positive], prior.positive, len(x))
-            slope = move.T @ (A @ x - b + times * np.where(problem.penalised, prior.gradient(x, weight), 0.0))
-            curved = problem.curvature(move) + np.diag(times * problem.unit + problem.ridge)
+            move = _Map.of(roots, x[prior.positive], prior.positive)
+            slope = move.back(A @ x - b + times * np.where(problem.penalised, prior.gradient(x, weight), 0.0))
+            curved = move.curvature(problem.root) + np.diag(times * problem.unit + problem.ridge)
             return float(0.5 * slope @ _solver(curved)(slope) / (abs(float(b @ x)) + weight))
     return np.inf
 
@@ -125,16 +136,12 @@ class _Problem:
 
     @cached_property
     def root(self) -> Array:
-        """Matrix F (P, P) with F^T F = A, but for round-off."""
+        """Matrix F (m, P) with F^T F = A, but for round-off, so that no squares are negative."""
         own = np.diag(self.A)
         size = np.sqrt(np.where(own > 0.0, own, 1.0))
         values, vectors = np.linalg.eigh(self.A / np.outer(size, size))
-        return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * size)
-
-    def curvature(self, moves: Array) -> Array:
-        """Curvature (m, m) of the squares along moves (P, m), with no negative squares by round-off, as by A itself."""
-        rows = self.root @ moves
-        return np.asarray(rows.T @ rows)
+        kept = values > 0.0
+        return np.asarray(np.sqrt(values[kept])[:, None] * vectors[:, kept].T * size)
 
     @cached_property
     def unit(self) -> Array:
@@ -178,7 +185,7 @@ class _Problem:
             x[free] = solved((self.b - self.A @ x)[free])
         roots, own = np.asarray(np.linalg.cholesky(prior.matrices(x)), dtype=np.float64), x[prior.positive]
         slope = self.A @ x - self.b + np.where(free, 0.0, prior.gradient(x, self.weight))
-        pushed = np.abs(_map(roots, own, prior.positive, len(x)).T @ slope)
+        pushed = np.abs(_Map.of(roots, own, prior.positive).back(slope))
         far = FIRST_SHARE * float(np.max(pushed[~free] / self.unit[~free], initial=1.0))
         times = 1.0 if near else max(1.0, far)
         values, sizes = np.sqrt(times * self.weight), np.sqrt(times * POSITIVE_WEIGHT)
@@ -198,9 +205,9 @@ class _Newton:
         return self.problem.times(self.point.x)
 
     @cached_property
-    def map(self) -> Array:
-        """Changes (P, P) of the parameters by unit steps."""
-        return _map(self.point.scaling, self.point.sizes, self.problem.prior.positive, len(self.point.x))
+    def map(self) -> _Map:
+        """Changes of the parameters by unit steps."""
+        return _Map.of(self.point.scaling, self.point.sizes, self.problem.prior.positive)
 
     @cached_property
     def ratios(self) -> Array:
@@ -217,23 +224,28 @@ class _Newton:
     def slope(self) -> Array:
         """Slope (P,) of the Lagrangian by unit steps."""
         problem, point, G = self.problem, self.point, self.point.scaling
-        out = self.map.T @ (problem.A @ point.x - problem.b)
+        out = self.map.back(problem.A @ point.x - problem.b)
         pull = self.times * problem.weight * G.mT @ problem.prior.inverses @ G
         own = self.times * POSITIVE_WEIGHT * point.sizes / problem.prior.scales
         return np.asarray(out + self.joined(pull - _diagonal(point.values), own - point.own))
 
     @cached_property
-    def error(self) -> float:
-        """Largest relative error of P Z and of the slope."""
+    def slope_error(self) -> float:
+        """Largest relative error of the slope."""
         kept = self.problem.penalised
         slopes = np.abs(self.slope[kept]) / np.sqrt(self.times * self.problem.unit[kept])
-        return float(max(np.abs(self.ratios - 1.0).max(initial=0.0), slopes.max(initial=0.0)))
+        return float(slopes.max(initial=0.0))
+
+    @property
+    def error(self) -> float:
+        """Largest relative error of P Z and of the slope."""
+        return max(float(np.abs(self.ratios - 1.0).max(initial=0.0)), self.slope_error)
 
     @cached_property
     def solver(self) -> Callable[[Array], Array]:
         """Solver of Newton's equations."""
         problem = self.problem
-        return _solver(problem.curvature(self.map) + np.diag(problem.penalised + problem.ridge))
+        return _solver(self.map.curvature(problem.root) + np.diag(problem.penalised + problem.ridge))
 
     def joined(self, matrices: Array, own: Array) -> Array:
         """Step (P,) of symmetric matrices (N, 4, 4) and positive parameters (c,)."""
@@ -264,8 +276,8 @@ class _Newton:
         least = min(values.min(initial=0.0), (np.minimum(s, t) / self.point.own).min(initial=0.0))
         return min(1.0, most / max(-least, 1e-12))
 
-    def next_point(self, power: float) -> _Point:
-        """Point after a step with Mehrotra's corrector times a power of the predictor's share."""
+    def next_point(self) -> _Point:
+        """Point after a step with Mehrotra's corrector, or after one that only centers, if that is longer."""
         (S, s), (T, t) = map(self.parted, predicted := self.step(1.0))
         share = self.share(predicted, 1.0)
         V, v = _diagonal(self.point.values), self.point.own
@@ -274,9 +286,12 @@ class _Newton:
         mean = after / (self.times * len(self.ratios))
         left = min(max((mean - 1.0) / (self.spread - 1.0), 0.0), 1.0) if self.spread > 1.0 + 1e-12 else 0.0
         target = 1.0 + left**TARGET_POWER * max(self.spread - 1.0, 0.0)
-        bent = share**power
+        bent = share**2 if self.slope_error < SMALL_SLOPE else 1.0
         steps = self.step(target, 0.5 * bent * (S @ T + T @ S), bent * s * t)
-        return self.moved(*steps, self.share(steps, EDGE_SHARE))
+        taken = self.share(steps, EDGE_SHARE)
+        if taken < SHORT and (other := self.share(centering := self.step(self.spread), EDGE_SHARE)) > taken:
+            return self.moved(*centering, other)
+        return self.moved(*steps, taken)
 
     def moved(self, step: Array, other: Array, share: float) -> _Point:
         """Point after a share of the steps of parameters and of multipliers."""
@@ -286,22 +301,45 @@ class _Newton:
         _, values, turn = np.linalg.svd(other_root.mT @ root)
         scaling = self.point.scaling @ root @ turn.mT / np.sqrt(values)[:, None, :]
         p, z = self.point.own + s, self.point.own + t
-        x = self.point.x + self.map @ (share * step)
+        x = self.point.x + self.map.forth(share * step)
         matrices = scaling * values[:, None, :] @ scaling.mT
         x[: self.problem.prior.tens.size] = (_coordinates(matrices) @ FROM_DIRECTIONS.T).ravel()
         x[self.problem.prior.positive] = self.point.sizes * p
         return _Point(x, scaling, values, self.point.sizes * np.sqrt(p / z), np.sqrt(p * z))
 
 
-def _map(scaling: Array, sizes: Array, positive: NDArray[np.int64], count: int) -> Array:
-    """Changes (P, P) of the parameters by unit steps of G S G^T and of positive parameters' own sizes."""
-    out = np.eye(count)
-    out[positive, positive] = sizes
-    G = scaling[:, None]
-    moved = _coordinates(G @ DIRECTIONS @ G.mT)
-    for i, block in enumerate(FROM_DIRECTIONS @ moved.mT):
-        out[10 * i : 10 * i + 10, 10 * i : 10 * i + 10] = block
-    return out
+@dataclass(frozen=True, eq=False)
+class _Map:
+    """Changes of the parameters by unit steps: a block (N, 10, 10) for each link, sizes (c,) of positive parameters."""
+
+    blocks: Array
+    sizes: Array
+    positive: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, scaling: Array, sizes: Array, positive: NDArray[np.int64]) -> _Map:
+        """Map of steps S by G S G^T, and of positive parameters' by their sizes."""
+        G = scaling[:, None]
+        return cls(FROM_DIRECTIONS @ _coordinates(G @ DIRECTIONS @ G.mT).mT, sizes, positive)
+
+    def forth(self, step: Array) -> Array:
+        """Changes (P,) of the parameters by a step (P,)."""
+        return self._applied(self.blocks, step)
+
+    def back(self, slope: Array) -> Array:
+        """Slope (P,) by unit steps, from that by parameters (P,)."""
+        return self._applied(self.blocks.mT, slope)
+
+    def curvature(self, root: Array) -> Array:
+        """Curvature (P, P) of squares F^T F by unit steps, from F (m, P)."""
+        rows = self._applied(self.blocks.mT, root.T).T
+        return np.asarray(rows.T @ rows)
+
+    def _applied(self, blocks: Array, values: Array) -> Array:
+        count, out = 10 * len(blocks), np.array(values)
+        out[:count] = (blocks @ values[:count].reshape(len(blocks), 10, -1)).reshape(out[:count].shape)
+        out[self.positive] = (self.sizes * values[self.positive].T).T
+        return out
 
 
 def _coordinates(matrices: Array) -> Array:
