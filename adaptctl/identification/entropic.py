@@ -14,7 +14,6 @@ from adaptctl.description.inertia import (
     from_center_of_mass,
     from_pseudo_inertia,
     inertia_tensor,
-    pseudo_inertia,
 )
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
@@ -36,16 +35,15 @@ class EntropicPrior:
     scales: Array
 
     def __post_init__(self) -> None:
-        for i, matrix in enumerate(map(pseudo_inertia, self.tens)):
-            if not np.linalg.eigvalsh(matrix)[0] > 0.0:
-                raise InputError(
-                    f"prior: the parameters of link {i + 1} are not physically consistent: {self.tens[i].tolist()}"
-                )
+        for i in np.flatnonzero(~(np.linalg.eigvalsh(self.matrices(self.tens.ravel()))[:, 0] > 0.0)).tolist():
+            raise InputError(
+                f"prior: the parameters of link {i + 1} are not physically consistent: {self.tens[i].tolist()}"
+            )
 
     @cached_property
     def inverses(self) -> Array:
         """Inverses (N, 4, 4) of the prior's pseudo-inertias."""
-        return np.linalg.inv(np.stack([pseudo_inertia(ten) for ten in self.tens]))
+        return np.linalg.inv(self.matrices(self.tens.ravel()))
 
     @property
     def is_placeholder(self) -> bool:
@@ -97,7 +95,7 @@ class EntropicPrior:
     def hold(self, x: Array, weight: float) -> Array:
         """Curvature (P, P) of the links' divergence without its barrier: what pulls them to the prior from afar."""
         # The barrier is stiff where a fit is at the edge of the cone, which says nothing of where the truth is.
-        roots = np.linalg.cholesky(np.stack([pseudo_inertia(ten) for ten in self.tens]))
+        roots = np.linalg.cholesky(self.matrices(self.tens.ravel()))
         inner = np.linalg.inv(roots)
         ratios, axes = np.linalg.eigh(inner @ self.matrices(x) @ inner.mT)
         clear = roots @ (axes * np.maximum(ratios, 1.0)[:, None]) @ axes.mT @ roots.mT
@@ -109,7 +107,7 @@ class EntropicPrior:
 
     def matrices(self, x: Array) -> Array:
         """Pseudo-inertias (N, 4, 4) of the links."""
-        return np.einsum("nk,kij->nij", x[: self.tens.size].reshape(-1, 10), UNIT_PSEUDO_INERTIAS)
+        return (x[: self.tens.size].reshape(-1, 10) @ UNIT_PSEUDO_INERTIAS.reshape(10, 16)).reshape(-1, 4, 4)
 
 
 # Density in kg/m^3 of a ball that a link is spread at least as far as.
