@@ -38,8 +38,8 @@ MAX_WARM_STEPS, MAX_STEPS, EDGE_SHARE, TARGET_POWER, FIRST_SHARE = 15, 50, 0.98,
 # Relative error of P Z and of the slope at which the search ends, that from which on it is near its end, and steps
 # there without half as large an error after which round-off is all that is left.
 ERROR, NEAR_END, IDLE_STEPS = 1e-8, 0.1, 4
-# Share of a step below which one that only centers is tried too; error of the slope below which the corrector is weighed
-# by the square of the predictor's share: without it, some searches go round for ever, and with it above, others do.
+# Share of a step below which one that only centers is tried too; and error of the slope below which the corrector is
+# weighed by the square of the predictor's share: else some searches go round for ever, and others where it is larger.
 SHORT, SMALL_SLOPE = 0.2, 1.0
 # Sum of the divergence's weights relative to the squares below which it is lost in round-off, and taken to be so large.
 LEAST_WEIGHT = 1e-13

@@ -43,7 +43,7 @@ class EntropicPrior:
     @cached_property
     def inverses(self) -> Array:
         """Inverses (N, 4, 4) of the prior's pseudo-inertias."""
-        return np.linalg.inv(self.matrices(self.tens.ravel()))
+        return np.asarray(np.linalg.inv(self.matrices(self.tens.ravel())), dtype=np.float64)
 
     @property
     def is_placeholder(self) -> bool:

@@ -26,7 +26,7 @@ from adaptctl.identification.normal_equations import NormalEquations, blocks_of
 # Sums over blocks that are kept: those of five folds, their rests, and of all.
 SUMS_KEPT = 12
 # Factor of the prior's weight up to which a fit is near another one.
-NEAR = 5.0
+NEAR = 8.0
 # Rough size of a rotor's inertia over the links' mean moment.
 ROTOR_INERTIA_SHARE = 0.1
 # Mean torque of the file's links over the log's from which on a joint is named, if it is above all of the log's too, as

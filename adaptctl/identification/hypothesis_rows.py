@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,13 @@ PRIOR_WEIGHT, SLOW, LEAST_ERROR = 0.1, 0.05, 0.003
 # a larger one only if gears are stated, as many files' links are placeholders of little mass. Not asked: joints below
 # a share of the links' largest torque: rotors and friction outweigh links there, as at wrists.
 EXPLAINED, OTHER_SIDE, ALIKE, LARGE = 0.4, 10.0, 3.0, 0.1
+
+
+class MotionProducts(NamedTuple):
+    """Products of each joint's rows (r, P, P), and of these and all torques (r, r, P)."""
+
+    normal: Array
+    moments: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,20 +122,26 @@ class HypothesisRows:
         pairs = zip(self.windows, strides, strict=True)
         return [replace(RowFilter.of(motion, band), every=max(1, stride)) for motion, stride in pairs]
 
-    def mixed(self, mixing: Array) -> NormalEquations:
-        """Normal equations of the motion as it is and torques that are a matrix (r, r) times the log's."""
-        normal, moments, squares = self._products
+    def mixed(self, mixing: Array, products: MotionProducts | None = None) -> NormalEquations:
+        """Normal equations of a motion, by default as it is, and torques that are a matrix (r, r) times the log's."""
+        normal, moments = products or self._products
         moment = np.einsum("ik,ikp->ip", mixing, moments)
-        square = np.einsum("ij,ik,ijk->i", mixing, mixing, squares)
+        square = np.einsum("ij,ik,ijk->i", mixing, mixing, self._squares)
         return NormalEquations(normal[None], moment[None], square[None], self.used.sum(axis=0)[None].astype(np.float64))
 
+    def products(self, regressor: Array) -> MotionProducts:
+        """Products of a motion's rows (n, r, P)."""
+        own = np.ascontiguousarray((regressor * self.used[..., None]).transpose(1, 2, 0))
+        return MotionProducts(own @ own.mT, (own @ self.rows.torque).mT)
+
     @cached_property
-    def _products(self) -> tuple[Array, Array, Array]:
-        """Products of each joint's rows (r, P, P), of these and all torques (r, r, P), and of torques (r, r, r)."""
-        Y, used = self.rows.regressor, self.used.astype(np.float64)
-        own = np.ascontiguousarray((Y * used[..., None]).transpose(1, 2, 0))
-        squares = np.einsum("nj,nk,ni->ijk", self.rows.torque, self.rows.torque, used)
-        return own @ own.mT, (own @ self.rows.torque).mT, squares
+    def _products(self) -> MotionProducts:
+        return self.products(self.rows.regressor)
+
+    @cached_property
+    def _squares(self) -> Array:
+        """Products (r, r, r) of all torques, in each joint's rows."""
+        return np.asarray(np.einsum("nj,nk,ni->ijk", self.rows.torque, self.rows.torque, self.used.astype(np.float64)))
 
     def sums(self, regressor: Array, torque: Array) -> NormalEquations:
         """Normal equations of a regressor and torques."""
@@ -145,9 +159,12 @@ class HypothesisRows:
 
     def least(self, equations: NormalEquations) -> tuple[Array, Array]:
         """Parameters (P,) and deviations (r,) by least squares; further columns than the mechanism's are free."""
-        own = self.evidence.independent(self.settings)
         more = np.arange(len(self.evidence.mechanism.parameter_names), equations.moment.shape[-1])
-        return weighted_least_squares(equations, np.concatenate([own, more]))
+        return weighted_least_squares(equations, np.concatenate([self._independent, more]))
+
+    @cached_property
+    def _independent(self) -> NDArray[np.int64]:
+        return self.evidence.independent(self.settings)
 
     def consistent(self, equations: NormalEquations, deviations: Array) -> Array:
         """Consistent parameters (P,), the joints weighted by their deviations (r,)."""

@@ -10,9 +10,10 @@ from itertools import combinations
 import numpy as np
 
 from adaptctl.arrays import Array
+from adaptctl.caching import cached_property
 from adaptctl.dynamics import Mechanism
 from adaptctl.identification.delay import Delay
-from adaptctl.identification.hypothesis_rows import HypothesisRows, relative_error
+from adaptctl.identification.hypothesis_rows import HypothesisRows, MotionProducts, relative_error
 from adaptctl.identification.normal_equations import NormalEquations
 from adaptctl.logs.units import POSITION
 
@@ -75,8 +76,21 @@ def _moved(rows: HypothesisRows, change: Array, shift: Array | float = 0.0) -> A
     return rows.regressor(rows.evidence.mechanism, position, rows.velocity @ D.T, rows.acceleration @ D.T)
 
 
-def _both(rows: HypothesisRows, moved: Array, mixed: Array) -> NormalEquations:
-    return rows.sums(_moved(rows, moved), rows.rows.torque @ _mixing(rows, mixed).T)
+@dataclass(frozen=True, eq=False)
+class _Motion:
+    """Motion whose motors' positions are changed by a matrix, and that of several hypotheses on torques."""
+
+    rows: HypothesisRows
+    change: Array
+
+    @cached_property
+    def products(self) -> MotionProducts:
+        """Products of the motion's rows."""
+        return self.rows.products(_moved(self.rows, self.change))
+
+    def with_torques(self, change: Array) -> NormalEquations:
+        """Normal equations of the motion and of torques whose motors' columns are changed by a matrix."""
+        return self.rows.mixed(_mixing(self.rows, change), self.products)
 
 
 def _units(rows: HypothesisRows) -> Iterator[Hypothesis]:
@@ -87,9 +101,9 @@ def _units(rows: HypothesisRows) -> Iterator[Hypothesis]:
     own = stated_units.pop() if len(stated_units) == 1 else None
     if own in others:
         meant, stated = others[own]
-        change = np.diag(np.where(turns, POSITION[meant] / own, 1.0))
+        meant_motion = _Motion(rows, np.diag(np.where(turns, POSITION[meant] / own, 1.0))).with_torques
         words, remedy = f"positions are in {meant}, not {stated}", f"give position={meant} as their unit"
-        yield Hypothesis("unit of positions", words, remedy, partial(_both, rows, change, np.eye(len(turns))))
+        yield Hypothesis("unit of positions", words, remedy, partial(meant_motion, np.eye(len(turns))))
 
 
 def _signs(rows: HypothesisRows) -> Iterator[Hypothesis]:
@@ -100,11 +114,11 @@ def _signs(rows: HypothesisRows) -> Iterator[Hypothesis]:
         torque, position = f"column {motor.torque!r}", f"column {motor.position!r}"
         mixed = partial(rows.mixed, _mixing(rows, other))
         yield Hypothesis("sign of a torque", f"{torque} has the other sign", "negate it", mixed)
-        turned = partial(_both, rows, other, one)
-        yield Hypothesis("sign of a position", f"{position} has the other sign", "negate it", turned)
+        turned = _Motion(rows, other).with_torques
+        yield Hypothesis("sign of a position", f"{position} has the other sign", "negate it", partial(turned, one))
         words = f"columns {motor.position!r} and {motor.torque!r} both have the other sign: {motor.name} is mirrored"
         remedy = "negate both (and the velocity), or turn the axis of the joint in the robot file"
-        yield Hypothesis("a mirrored joint", words, remedy, partial(_both, rows, other, other))
+        yield Hypothesis("a mirrored joint", words, remedy, partial(turned, other))
     if len(motors) > 1:
         yield Hypothesis(
             "sign of all torques", "all torques have the other sign", "negate them", partial(rows.mixed, -one)
@@ -118,13 +132,14 @@ def _swaps(rows: HypothesisRows) -> Iterator[Hypothesis]:
         order = np.arange(len(motors))
         order[[i, j]] = j, i
         swap, first, second = one[order], motors[i], motors[j]
+        swapped = _Motion(rows, swap).with_torques
         named = "exchange their names, in the log or by columns"
         words = f"columns {first.torque!r} and {second.torque!r} are exchanged"
         yield Hypothesis("two torques exchanged", words, named, partial(rows.mixed, _mixing(rows, swap)))
         words = f"columns {first.position!r} and {second.position!r} are exchanged"
-        yield Hypothesis("two positions exchanged", words, named, partial(_both, rows, swap, one))
+        yield Hypothesis("two positions exchanged", words, named, partial(swapped, one))
         words = f"all columns of {first.name} and {second.name} are exchanged"
-        yield Hypothesis("two joints exchanged", words, named, partial(_both, rows, swap, swap))
+        yield Hypothesis("two joints exchanged", words, named, partial(swapped, swap))
 
 
 def _zeros(rows: HypothesisRows) -> Iterator[Hypothesis]:
