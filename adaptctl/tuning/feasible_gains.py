@@ -82,9 +82,9 @@ def _largest_damping(inverse: Array, control_period: float, hold: float, afforda
 def _worst(inverse: Array, control_period: float, damping: Array) -> tuple[float, Array]:
     """Greatest T lambda_max(M^-1 K), and each joint's part (r,)."""
     root = np.sqrt(damping)
-    values, vectors = np.linalg.eigh(control_period * inverse * root[:, None] * root)
-    worst = int(values[:, -1].argmax())
-    return float(values[worst, -1]), np.asarray(vectors[worst, :, -1] ** 2)
+    ratios = control_period * inverse * root[:, None] * root
+    values, vectors = np.linalg.eigh(ratios[np.linalg.eigvalsh(ratios)[:, -1].argmax()])
+    return float(values[-1]), np.asarray(vectors[:, -1] ** 2)
 
 
 def _validate_inertia(mechanism: Mechanism, M: Array) -> None:
