@@ -164,11 +164,14 @@ def _found(
     mechanism, K, L = workspace.mechanism, np.array(damping), np.array(bandwidth)
     parameters = None if estimate is None else np.array(estimate)
 
-    def feedback(p: Array) -> Array:
-        M = workspace.mass_matrices if p is workspace.samples else mechanism.mass_matrix(p)
-        return _feedback(mechanism, p, M, K, L, control_period, parameters)
+    def masses(p: Array) -> Array:
+        return workspace.mass_matrices if p is workspace.samples else mechanism.mass_matrix(p)
 
-    worst = workspace.maximum(lambda p: _ratios_of(feedback(p)))
+    def feedback(p: Array) -> Array:
+        return _feedback(mechanism, p, masses(p), K, L, control_period, parameters)
+
+    alone = parameters is None and not np.any(L) and not np.any(_viscous(mechanism)[1])
+    worst = workspace.maximum(lambda p: _of_damping(masses(p), K, control_period) if alone else _ratios_of(feedback(p)))
     if np.isinf(worst.value):
         return SamplingRatio(np.inf, worst.p, mechanism.primary_joints[_lightest_joint(mechanism, worst.p)].name)
     values, vectors = np.linalg.eig(feedback(worst.p[None])[0])
@@ -211,6 +214,13 @@ def _feedback(
     return np.where(definite, held, np.inf)
 
 
+def _of_damping(M: Array, damping: Array, control_period: float) -> Array:
+    """T_c lambda_max(M^-1 K), of a symmetric problem, infinite without positive definite M."""
+    least = np.linalg.eigvalsh(M / np.sqrt(damping[:, None] * damping))[..., 0]
+    definite = (scaled_eigenvalues(M)[..., 0] > MIN_EIGENVALUE) & (least > 0.0)
+    return np.where(definite, control_period / np.where(definite, least, 1.0), np.inf)
+
+
 def _ratios_of(feedback: Array) -> Array:
     """Greatest eigenvalue, or |l|^2/Re l if complex."""
     finite = np.asarray(np.isfinite(feedback).all(axis=(-2, -1)))
@@ -225,12 +235,13 @@ def sampled_inertia(mechanism: Mechanism, p: Array, M: Array, control_period: fl
     columns, D = _viscous(mechanism)
     if not np.any(D):
         return M
-    units = np.eye(mechanism.dof)
-    rows = [mechanism.torque_regressor(p, np.broadcast_to(u, p.shape), np.zeros_like(p), columns) @ D for u in units]
+    each = (mechanism.dof, *p.shape)
+    units = np.broadcast_to(np.eye(mechanism.dof).reshape(-1, *(1,) * (p.ndim - 1), mechanism.dof), each)
+    rows = mechanism.torque_regressor(np.broadcast_to(p, each), units, np.zeros(each), columns) @ D
     values, vectors = np.linalg.eigh(M)
     root = (vectors * np.sqrt(values)[..., None, :]) @ np.swapaxes(vectors, -1, -2)
     inverse = (vectors / np.sqrt(values)[..., None, :]) @ np.swapaxes(vectors, -1, -2)
-    halves, modes = np.linalg.eigh(0.5 * control_period * inverse @ np.stack(rows, axis=-1) @ inverse)
+    halves, modes = np.linalg.eigh(0.5 * control_period * inverse @ np.moveaxis(rows, 0, -1) @ inverse)
     shares = np.where(halves > 1e-6, halves / np.tanh(np.maximum(halves, 1e-6)), 1.0)
     side = root @ modes
     return np.asarray((side * shares[..., None, :]) @ np.swapaxes(side, -1, -2))
