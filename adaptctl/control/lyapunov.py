@@ -138,7 +138,7 @@ def lyapunov(controller: SlotineLi, run: LearningRun, mechanism: Mechanism) -> A
     True
     """
     s, model = sliding_variable(controller, run), controller.model
-    kinetic = 0.5 * np.einsum("ti,tij,tj->t", s, mechanism.mass_matrix(run.p), s)
+    kinetic = _kinetic(mechanism, run.p, s)
     if controller.adaptation_law is None:
         return kinetic
     if len(mechanism.parameter_names) != len(model.mechanism.parameter_names):
@@ -152,3 +152,13 @@ def lyapunov(controller: SlotineLi, run: LearningRun, mechanism: Mechanism) -> A
         law = type(controller.adaptation_law).__name__
         raise InputError(f"lyapunov: that of {law} needs more than the recorded estimate")
     return kinetic + distance
+
+
+SAMPLES = 1000
+"""samples whose mass matrices are in memory at once"""
+
+
+def _kinetic(mechanism: Mechanism, p: Array, s: Array) -> Array:
+    """Kinetic energies (T,) of velocities s at positions p (T, r)."""
+    parts = [slice(k, k + SAMPLES) for k in range(0, max(len(p), 1), SAMPLES)]
+    return 0.5 * np.concatenate([np.einsum("ti,tij,tj->t", s[k], mechanism.mass_matrix(p[k]), s[k]) for k in parts])

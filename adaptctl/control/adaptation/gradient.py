@@ -41,8 +41,15 @@ class Descent(AdaptationLaw[Memory]):
         """Squared parameter error over twice the gain, J."""
         error, gain = estimate - true, self._columns
         if isinstance(gain, list):
-            return 0.5 * (error @ solve_symmetric([list(row) for row in gain], error))
+            return 0.5 * (error @ self._unscaled(gain, error))
         return 0.5 * (error @ Column(e / g for e, g in zip(error, gain, strict=True)))
+
+    def _unscaled(self, gain: list[Column], error: Column) -> Column:
+        """Inverse gain times error (k,), of arrays by LAPACK."""
+        if not (isinstance(self.gain, np.ndarray) and isinstance(error.of[0], np.ndarray)):
+            return solve_symmetric([list(row) for row in gain], error)
+        errors = np.stack(error.of)
+        return Column(np.linalg.solve(self.gain, errors.reshape(len(errors), -1)).reshape(errors.shape))
 
     def applied(self, gradient: Column) -> Column:
         """Gain times gradient (k,)."""
