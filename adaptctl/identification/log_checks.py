@@ -17,6 +17,14 @@ from adaptctl.dynamics.joint_units import position_unit
 from adaptctl.errors import InputError
 from adaptctl.identification.columns import JointLog
 from adaptctl.identification.convolution import median_of_five
+from adaptctl.identification.position_faults import (
+    COMPARED,
+    equal_columns,
+    frozen_position,
+    odd_stamps,
+    slip_words,
+    slips,
+)
 from adaptctl.identification.preparation import MIN_GAP_PERIODS, PreparationStep, unwrapped, whole_ends
 from adaptctl.logs.on_disk import each_column, of_columns, one_by_one, release
 from adaptctl.stages import stage
@@ -57,11 +65,18 @@ def checked_log(log: JointLog, mechanism: Mechanism) -> tuple[JointLog, list[Pre
         torque[j] = _filled(log.time, torque[j], spiked)
         release()
         words = _filled_words(log, joint, "positions that it cannot reach", wrong)
+        words += slip_words(log.time, whole, slips(whole, periods, wrong), joint)
+        words += frozen_position(log.time, whole, joint)
         filled.append(words + _filled_words(log, joint, "torques that stand out of their neighbours", spiked))
     dead = _dead(position, torque)
     faults = list(_column_faults(position, torque, dead, joints))
     notes = [note for pair in zip(filled, faults, strict=True) for own in pair for note in own]
     notes += _frozen_words(log.time, position, torque, dead, joints)
+    notes += equal_columns("positions", position, joints)
+    notes += equal_columns("torques", torque, joints)
+    first = [own[:COMPARED] for own in position]
+    turned = [unwrapped(own) if turn else own for own, turn in zip(first, turns, strict=True)]
+    notes += odd_stamps(log.time[:COMPARED], np.column_stack(turned))
     said = (*log.notes, *(f"{log.source}: {note}" for note in notes))
     rates = None if log.velocity is None or velocity is None else _of_columns(velocity, log.velocity)
     positions, torques = _of_columns(position, log.position), _of_columns(torque, log.torque)
@@ -138,6 +153,7 @@ def _impossible(values: Array, periods: Array | float = 1.0) -> tuple[NDArray[np
             continue
         after = values[start + 1 : start + 1 + LONGEST_RUN]
         back = np.abs(after - values[start - 1]) <= most * 0.5 * np.arange(2, len(after) + 2)
+        back &= np.abs(np.diff(values[start : start + 1 + len(after)])) > 0.5 * most  # at once, as it went
         if back.any():
             wrong[start : start + 1 + int(np.argmax(back))] = True
     return wrong, values
