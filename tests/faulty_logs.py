@@ -122,6 +122,25 @@ def spiked(values: Array) -> Array:
     return values + 3.0 * np.ptp(values)
 
 
+def slipped(values: Array) -> Array:
+    return values + 0.5
+
+
+def lossy(log: Log) -> Log:
+    kept = np.arange(len(log.time)) % 100 != 99
+    return replace(log, time=log.time[: kept.sum()], position=log.position[kept], torque=log.torque[kept])
+
+
+def copied(log: Log) -> Log:
+    torque = log.torque.copy()
+    torque[:, 2] = torque[:, 1]
+    return replace(log, torque=torque)
+
+
+def drifting(log: Log) -> Log:
+    return put(log, "torque", slice(None), lambda values: values + np.linspace(0.0, 3.0 * np.std(values), len(values)))
+
+
 def turned(log: Log) -> Log:
     """The log whose angles are between 0 and full turns of their own."""
     turns = [joint.kind.is_revolute for joint in log.truth.primary_joints]
@@ -203,6 +222,13 @@ FAULTS: dict[str, tuple[Change, str]] = {
         zeroed,
         "joint '{two}' has 5 positions that it cannot reach",
     ),
+    "a slip of an encoder": (
+        partial(put, what="position", rows=slice(2000, None), value=slipped),
+        "the position of joint '{two}' steps by 0[.](49|5)[0-9]* (rad|m) in row 2001, at 10 s, and stays there",
+    ),
+    "rows lost at even stamps": (lossy, "in [0-9]+ rows, the first row [0-9]+, .*, all joints move .* times as far"),
+    "a copied column": (copied, "the torques of joints '{two}' and '{three}' are equal in all rows"),
+    "a torque that drifts": (drifting, "most at {two}: check its columns|of {two}'s .* something changed"),
     "a spring": (sprung, "a spring is at {two}"),
     "a payload in one of two logs": (taken, "carries a body in .*second.csv"),
 }

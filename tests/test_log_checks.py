@@ -33,6 +33,12 @@ def put(values: Array, rows: slice | list[int], columns: int | slice, new: float
     return changed
 
 
+def without_rows(log: JointLog) -> JointLog:
+    """The log without one row in a hundred, its stamps as even as before."""
+    kept = np.arange(len(log)) % 100 != 99
+    return replace(log, time=log.time[: kept.sum()], position=log.position[kept], torque=log.torque[kept])
+
+
 FAULTS: dict[str, tuple[Callable[[JointLog], JointLog], str]] = {
     "positions at 0": (
         lambda log: replace(log, position=put(log.position, [300, 700, 701, 1500], 1, 7.0)),
@@ -53,6 +59,22 @@ FAULTS: dict[str, tuple[Callable[[JointLog], JointLog], str]] = {
     "dead": (
         lambda log: replace(log, torque=put(log.torque, slice(None), 1, 1e-4 * np.sin(log.time))),
         "'joint1' is .* to within 0.0002: its sensor seems dead",
+    ),
+    "a slip": (
+        lambda log: replace(log, position=log.position + np.outer(log.time >= 5.0, [0.0, 0.5, 0.0])),
+        r"the position of joint 'joint1' steps by (0\.[45]|-0\.[45]).* in row 1001, at 5 s, and stays there: its ",
+    ),
+    "a frozen position": (
+        lambda log: replace(log, position=put(log.position, slice(880, 1080), 1, log.position[880, 1])),
+        "the position of joint 'joint1' is frozen at .* from 4.4 to 5.395 s; cut",
+    ),
+    "a copied column": (
+        lambda log: replace(log, torque=log.torque[:, [0, 0, 2]]),
+        "the torques of joints 'joint0' and 'joint1' are equal in all rows",
+    ),
+    "rows lost at even stamps": (
+        without_rows,
+        "in 19 rows, the first row 100, at 0.495 s, all joints move 2 times as far as around it",
     ),
 }
 

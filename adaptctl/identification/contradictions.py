@@ -16,7 +16,11 @@ from adaptctl.identification.fit import Fit, LogEvidence
 from adaptctl.identification.held_out import HeldOut
 from adaptctl.identification.least_squares import least_squares
 from adaptctl.identification.preparation import PreparationStep
+from adaptctl.identification.validation import Validation
 
+# Error of rows held out over that of rows fitted, and share of a joint's torque, from where on something has changed;
+# and share of all torques, in the band of the motion, from where on the log is not what it seems.
+CHANGED_RATIO, CHANGED, POOR = 2.5, 0.1, 0.2
 CHECK = "check for a counterbalance, for gravity compensation, and for its torque's sign and unit"
 """what a joint that weighs otherwise may mean"""
 
@@ -52,6 +56,32 @@ def implausible_links(found: Mechanism, file: Mechanism) -> Iterator[str]:
         yield (
             f"implausible: {'; '.join(links)}: the log does not tell these numbers one by one, only torques of such "
             "motions; a faster motion of more joints would, and a larger --prior-weight keeps them nearer to the file"
+        )
+
+
+def poorly_predicted(evidence: LogEvidence, fit: Fit, judged: Validation) -> Iterator[str]:
+    """Warning of rows held out that are predicted far worse than those fitted, or badly as these are."""
+    errors, joints = judged.joint_relative_errors, evidence.mechanism.primary_joints
+    equations = evidence.equations(
+        replace(fit.settings, cutoff=judged.cutoff, slow=0.0, lasting=()), range(evidence.blocks)
+    )
+    fitted = np.sqrt(equations.misfit(fit.x) / np.maximum(equations.square.sum(axis=0), np.finfo(float).tiny))
+    kept = np.isin(np.arange(len(joints)), judged.left_out, invert=True)
+    worse = np.flatnonzero(kept & (errors > CHANGED_RATIO * fitted) & (errors > CHANGED))
+    if worse.size:
+        each = ", ".join(
+            f"{errors[j]:.0%} of {joints[j].name}'s ({fitted[j]:.0%} where fitted)" for j in worse.tolist()
+        )
+        yield (
+            f"the estimate leaves {each} torques on the rows held out: something changed, such as a payload, an "
+            "encoder's zero or friction, or these rows move as no fitted ones do; look at both parts, and cut the log"
+        )
+    elif judged.relative_error > POOR:
+        j = int(np.argmax(np.where(kept, judged.joint_rms_errors, 0.0)))
+        motor = evidence.drives.motors[j]
+        yield (
+            f"the estimate leaves {judged.relative_error:.0%} of the torques in the band of the motion, most at "
+            f"{joints[j].name}: check its columns {motor.position!r} and {motor.torque!r}, and filters and stamps"
         )
 
 

@@ -18,7 +18,12 @@ from adaptctl.identifiability.factorisation import one_thread
 from adaptctl.identification.arguments import file_paths, validate_different, validate_settings
 from adaptctl.identification.choice import Choice, choose, judged_at, misfit_ratio
 from adaptctl.identification.columns import JointLog, joint_columns, joint_log
-from adaptctl.identification.contradictions import contradictions, excess_misfit, implausible_links
+from adaptctl.identification.contradictions import (
+    contradictions,
+    excess_misfit,
+    implausible_links,
+    poorly_predicted,
+)
 from adaptctl.identification.delay import delay_of, without_delay
 from adaptctl.identification.drives_file import Drives, read_drives
 from adaptctl.identification.fit import Fit, LogEvidence
@@ -304,7 +309,8 @@ def _of_checked(
     )
     told = (*facts, meaning.slopes, meaning.alike, delayed, *steps, excess.step)
     result = _result(mechanism, training, fit, held_out, choice, told, notes)
-    warnings = (*implausible_links(result.mechanism, mechanism), *result.warnings)
+    poor = poorly_predicted(training, fit, result.validation_in_band)
+    warnings = (*implausible_links(result.mechanism, mechanism), *poor, *result.warnings)
     return replace(result, warnings=warnings, hypotheses=meaning.tried, payloads=whole.payloads)
 
 
