@@ -17,6 +17,7 @@ from adaptctl.description.drive import Drive
 from adaptctl.dynamics import load
 from adaptctl.dynamics.inverse_kinematics import Tip
 from adaptctl.errors import FileError, InputError, NotFoundError
+from adaptctl.identification.argument_words import in_flags
 from adaptctl.identification.columns import JointLog
 from adaptctl.identification.drives_file import Drives, MotorEntry, Units
 from adaptctl.identification.own_gravity import validate_not_added, with_own_gravity
@@ -209,7 +210,7 @@ def test_joints_that_a_log_has_not_are_offered_to_be_locked(arm: Path, tmp_path:
     (tmp_path / "log.csv").write_text("time,position.j1,position.j4,effort.j1,effort.j4\n" + "0,1,2,3,4\n" * 9)
     units = {"time": "s", "position": "rad", "torque": "N m"}
     with pytest.raises(InputError, match=r"has 2 of 4 joints; if the others did not move: --lock j2 j3$"):
-        adaptctl.identify(tmp_path / "log.csv", arm, units=units)
+        in_flags(adaptctl.identify)(tmp_path / "log.csv", arm, units=units)
 
 
 def drives_of(*ratios: list[float]) -> Drives:

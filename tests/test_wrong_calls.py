@@ -17,6 +17,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import FileError, InputError, NotFoundError
 from adaptctl.hardware import HardwareLimits, MuJoCoRobot, drive, motion_about, with_rotors
 from adaptctl.identification import read_drives
+from adaptctl.identification.argument_words import in_flags
 from adaptctl.identification.column_units import Units
 from adaptctl.tuning.named_laws import named_law
 
@@ -101,11 +102,11 @@ def test_a_time_of_another_name_is_offered(column: str, pair: str, arm: Mechanis
     log = tmp_path / "log.csv"
     log.write_text(f"tau,{column},q1,q2,u1,u2\n0,0,0,0,0,0\n1,1,1,1,1,1\n")
     with pytest.raises(InputError) as error:
-        adaptctl.identify(log, arm, columns={"position": "q{}", "torque": "u{}"})
+        in_flags(adaptctl.identify)(log, arm, columns={"position": "q{}", "torque": "u{}"})
     assert f": --columns {pair} position=q{{}} torque=u{{}} --units time=" in str(error.value)
     units = {"time": "s", "position": "rad", "torque": "N m"}
     with pytest.raises(InputError) as error:
-        adaptctl.identify(log, arm, columns={"position": "q{}", "torque": "u{}"}, units=units)
+        in_flags(adaptctl.identify)(log, arm, columns={"position": "q{}", "torque": "u{}"}, units=units)
     assert f"specify it: --columns {pair}, or the rate of even rows: --sample-rate HZ" in str(error.value)
 
 
@@ -133,7 +134,7 @@ def test_columns_that_a_log_has_are_offered(columns: str, pairs: str, arm: Mecha
     log, n = tmp_path / "log.csv", columns.count(",") + 1
     log.write_text("\n".join([columns, *(",".join([str(k)] * n) for k in range(2))]))
     with pytest.raises(InputError) as error:
-        adaptctl.identify(log, arm)
+        in_flags(adaptctl.identify)(log, arm)
     assert f" {pairs} --units time=" in str(error.value)
 
 
@@ -143,7 +144,7 @@ def test_a_log_with_more_joints_than_the_robot_is_refused_with_what_would_be_unu
     names = ["time", *(f"{what}{j}" for what in ("q", "tau") for j in range(1, 4))]
     (tmp_path / "log.csv").write_text("\n".join([",".join(names), *(",".join([str(k)] * 7) for k in range(2))]))
     with pytest.raises(InputError, match=r"q\{\} has 3 columns, but the robot 2 joints .*: q3 would be .*=q1,q2$"):
-        adaptctl.identify(tmp_path / "log.csv", arm, columns={"position": "q{}", "torque": "tau{}"})
+        in_flags(adaptctl.identify)(tmp_path / "log.csv", arm, columns={"position": "q{}", "torque": "tau{}"})
 
 
 def test_a_drives_file_to_edit_is_written(arm: Mechanism, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -168,7 +169,7 @@ def test_what_no_name_tells_is_not_made_up(arm: Mechanism, tmp_path: Path) -> No
     log, file = tmp_path / "log.csv", tmp_path / "drives.toml"
     log.write_text(NAMELESS)
     with pytest.raises(InputError, match="no names are recognised as position or torque: in place of NAMES") as error:
-        adaptctl.identify(log, arm)
+        in_flags(adaptctl.identify)(log, arm)
     assert "position=NAMES torque=NAMES --units time=ms position=UNIT torque=UNIT" in str(error.value)
     assert main(["identify", str(log), "--robot", "two_link", "--template", str(file)]) == 0
     with pytest.raises(FileError, match="got 'UNIT'"):
@@ -182,14 +183,14 @@ def test_units_are_those_that_names_end_with(arm: Mechanism, tmp_path: Path) -> 
     assert read_drives(file).units == Units(1e-3, 1e-3, None)
     log.write_text("t_ms,Hub_mm,Arm_grad,I_a,I_b\n0,1,2,3,4\n4,1,2,3,4\n")
     with pytest.raises(InputError, match="position=mm,deg"):
-        adaptctl.identify(log, arm, columns={"position": "Hub_mm,Arm_grad"})
+        in_flags(adaptctl.identify)(log, arm, columns={"position": "Hub_mm,Arm_grad"})
 
 
 def test_all_columns_are_told_or_how_many_there_are(arm: Mechanism, tmp_path: Path) -> None:
     names = ["a", *(f"b{k}" for k in range(40))]
     (tmp_path / "log.csv").write_text("\n".join([",".join(names), *(",".join([str(k)] * 41) for k in range(2))]))
     with pytest.raises(InputError, match=r"columns: a, b0, .*, b28, \.\.\. \(41 in all\)$"):
-        adaptctl.identify(tmp_path / "log.csv", arm)
+        in_flags(adaptctl.identify)(tmp_path / "log.csv", arm)
 
 
 @pytest.mark.parametrize(
@@ -206,7 +207,7 @@ def test_units_are_offered_by_names_and_sizes(
     rows = [f"{t},{20 * t},1,2,3" for t in column]
     (tmp_path / "log.csv").write_text("\n".join([f"{name},q1,q2,tau1_nm,tau2_nm", *rows]))
     with pytest.raises(InputError) as error:
-        adaptctl.identify(tmp_path / "log.csv", arm)
+        in_flags(adaptctl.identify)(tmp_path / "log.csv", arm)
     angle = "deg" if column[1] > 1.0 else "rad"
     assert f"--units {unit} position={angle} 'torque=N m' (" in str(error.value)
 

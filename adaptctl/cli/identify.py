@@ -122,6 +122,7 @@ def identify(
     """
     from adaptctl.folders import replacing_folder
     from adaptctl.identification import identify as identified
+    from adaptctl.identification.argument_words import in_flags
     from adaptctl.identification.report import facts, log_lines, verdict
     from adaptctl.optional_packages import validate_for_results
 
@@ -134,7 +135,7 @@ def identify(
         if energy_differences is not None:
             _validate_comparison(logs, drives, energy_differences)
         mechanism = reading.load(robot)
-        found = identified(
+        found = in_flags(identified)(
             logs,
             mechanism,
             drives,

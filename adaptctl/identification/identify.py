@@ -15,6 +15,7 @@ from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.identifiability.factorisation import one_thread
+from adaptctl.identification.argument_words import in_arguments
 from adaptctl.identification.arguments import file_paths, validate_different, validate_settings
 from adaptctl.identification.choice import Choice, choose, judged_at, misfit_ratio
 from adaptctl.identification.columns import JointLog, joint_columns, joint_log
@@ -67,6 +68,7 @@ HELD_OUT_SHARE = 0.4
 
 
 @one_thread()
+@in_arguments
 def identify(
     logs: str | Path | Sequence[str | Path],
     robot: Mechanism | str | Path,

@@ -229,8 +229,8 @@ def validate_plausible(
     if left > MAX_UNEXPLAINED_SHARE:
         raise InputError(
             f"{source}: the equations of {evidence.mechanism.name} do not explain {left:.0%} of the torques; "
-            "check that the log is this robot's, columns, transmission and units; with noisy encoders, set "
-            "instrumental_variables"
+            "check that the log is this robot's, columns, transmission and units; with noisy encoders, add "
+            "--instrumental-variables"
         )
 
 
