@@ -154,9 +154,9 @@ def _errors_from(axes: Axes, comparison: Comparison, run: ControllerRun, start: 
     time = run.rollout.time
     shown = time >= start
     every = thinned(int(shown.sum()), MAX_DRAWN_SAMPLES)
+    errors = 1e3 * run.rollout.error[shown][every]
     for j, name in enumerate(comparison.joint_names):
-        values = 1e3 * run.rollout.error[shown, j][every]
-        axes.plot(time[shown][every], values, color=joint_color(j).hex, label=name, linewidth=1.3)
+        axes.plot(time[shown][every], errors[:, j], color=joint_color(j).hex, label=name, linewidth=1.3)
     axes.set_xlim(start, run.duration if start else comparison.subject.duration)
 
 
