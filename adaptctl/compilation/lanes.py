@@ -208,7 +208,7 @@ class LaneArray:
 
     def view(self, name: str) -> Array:
         """
-        Return a view of a column of an array with a single member.
+        Return a view of a column of an array of one lane.
 
         Parameters
         ----------
@@ -218,12 +218,12 @@ class LaneArray:
         Returns
         -------
         ndarray
-            The memory itself (..., n); writing to it changes the array.
+            The memory itself (..., n) of a single member, else (..., members, n); writing to it changes the array.
 
         Raises
         ------
         InputError
-            If there are several members or lanes, or the name is unknown.
+            If there are several lanes, or the name is unknown.
 
         Examples
         --------
@@ -233,10 +233,10 @@ class LaneArray:
         >>> array["x"].tolist()
         [[3.0, 3.0]]
         """
-        if self.members != 1 or self.lanes != 1:
-            raise InputError(f"view: expected one member and one lane, got {self.members} and {self.lanes}")
-        column: Array = self.blocks[..., 0, self._place(name), 0]
-        return column
+        if self.lanes != 1:
+            raise InputError(f"view: expected one lane, got {self.lanes}")
+        column: Array = self.blocks[..., self._place(name), 0]
+        return column if self.members != 1 else column[..., 0, :]
 
     def address_of(self, step: int) -> int:
         """

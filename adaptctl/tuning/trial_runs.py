@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.compilation import Ensemble
+from adaptctl.compilation import Ensemble, LaneArray
 from adaptctl.control.controller import GAINS, Controller, Reference
 from adaptctl.simulation import Plant
 from adaptctl.simulation.closed_loop import LATE, ClosedLoop, Sample
@@ -50,7 +50,8 @@ def run_trials(
     steps, recorded = round(duration / plant.control_period), sum(np.prod(shape) for shape in arms.stepper.outputs)
     chunk = RECORD_INTERVAL * max(1, int(NUMBERS // (RECORD_INTERVAL * recorded * len(laws))))
     time = np.asarray(plant.control_period * np.arange(steps))
-    parts = [_advanced(plant, arms, reference, time[k : k + chunk], noise) for k in range(0, steps, chunk)]
+    room = arms.allocate_outputs(min(chunk, steps))
+    parts = [_advanced(plant, arms, room, reference, time[k : k + chunk], noise) for k in range(0, steps, chunk)]
     p, error, applied, largest = zip(*parts, strict=True)
     samples = map(np.concatenate, (p, error, applied))
     return TrialRuns._make((time[::RECORD_INTERVAL], *samples, np.max(largest, axis=0)))
@@ -69,11 +70,15 @@ def _at_rest(plant: Plant, laws: Sequence[Controller[Any]], first: Array, parame
     return arms
 
 
-def _advanced(plant: Plant, arms: Ensemble, reference: Reference, time: Array, noise: Noise) -> tuple[Array, ...]:
+def _advanced(
+    plant: Plant, arms: Ensemble, room: LaneArray, reference: Reference, time: Array, noise: Noise
+) -> tuple[Array, ...]:
     """Samples of the control periods that begin at times (T,) in s, and errors' largest sizes."""
     point = sampled(reference, time, plant.dof)
     signals = {**dict(zip(REFERENCE, point, strict=True)), "noise": noise.drawn(len(time))[:, 0]}
-    sample = Sample(*arms.run(len(time), signals, record=True))
+    arms.record_into(room, 0, len(time), signals)
+    shapes = {name: (len(room.blocks), room.members, n) for name, n in room.columns.items()}
+    sample = Sample(*(room.view(name).reshape(shape)[: len(time)] for name, shape in shapes.items()))
     p, every = plant.positions(sample.q), slice(None, None, RECORD_INTERVAL)
     error = p - point.p[:, None]
     return p[every].copy(), error[every].copy(), sample.applied[every].copy(), np.abs(error).max(axis=0)
