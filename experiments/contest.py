@@ -395,7 +395,7 @@ def _lyapunov(controller: Controller[Any], run: Rollout, mechanism: Mechanism) -
 def step_cost(controller: Controller[Any], run: Rollout, timed: bool) -> StepCost:
     """Floating-point operations of a control step and, where `timed`, its median time in s."""
     kernel, called = controller.kernel, list[float]()
-    memory = controller.init(run.p[0], run.v[0])
+    memory = controller.init(run.p[0], run.v[0]) if timed else None
     for k in np.linspace(0, len(run.time) - 1, TIMED_TICKS if timed else 0).astype(int):
         point = ReferencePoint(run.reference_p[k], run.reference_v[k], run.reference_a[k])
         started = time.perf_counter()

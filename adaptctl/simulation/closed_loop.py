@@ -95,7 +95,7 @@ class ClosedLoop:
     def state(self) -> dict[str, int]:
         """Lengths by name of the columns of plant and controller state."""
         measured = dict.fromkeys(("measured_p", "measured_v"), self.controller.dof if self._senses else 0)
-        memory = {f"memory_{k}": len(part) for k, part in enumerate(leaves(self._blank))}
+        memory = {f"memory_{k}": len(part) for k, part in enumerate(leaves(self.controller._blank))}
         return self.plant.sizes | measured | memory
 
     @property
@@ -136,7 +136,7 @@ class ClosedLoop:
         q, v = columns["q"], columns["v"]
         measured = columns["measured_p"], columns["measured_v"]
         reference = ReferencePoint(*(columns[name] for name in REFERENCE))
-        memory = like(self._blank, (columns[name] for name in self.state if name.startswith("memory")))
+        memory = like(self.controller._blank, (columns[name] for name in self.state if name.startswith("memory")))
         exact = ClosedPositions(self.plant.primary(q), q, self.plant.mechanism.unconstrained.equations), v
         observed = measured if self._senses else exact
         law = self.controller.substituted(columns[GAINS]) if GAINS in columns else self.controller
@@ -162,7 +162,7 @@ class ClosedLoop:
     @cached_property
     def flags(self) -> tuple[str, ...]:
         """Names of the flags of a sample, those of the plant first."""
-        return (*self.plant.flags, *getattr(guards(self._blank), "_fields", ()))
+        return (*self.plant.flags, *getattr(guards(self.controller._blank), "_fields", ()))
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, ClosedLoop) and self._parts == other._parts
@@ -191,7 +191,7 @@ class ClosedLoop:
             If the controller's law cannot be traced into an expression graph.
         """
         shared, name = self.reference | self.noise, type(self.controller).__name__
-        held = self.held | ({LATE: 1} if isinstance(self._blank, AdaptiveState) else {})
+        held = self.held | ({LATE: 1} if isinstance(self.controller._blank, AdaptiveState) else {})
         return compile_step(self.step, state=self.state, constants=held, inputs=shared, lanes=1, name=name)
 
     def step(self, **columns: Column) -> tuple[Any, ...]:
@@ -280,7 +280,7 @@ class ClosedLoop:
         member = whole_number(member, "closed loop: member", 0, arms.members - 1)
         q, v, drives, sensors, *rest = (arms.state[name][member] for name in self.state)
         p = self.plant.positions(q)
-        measured, memory = rest[:2] if self._senses else (p, v), like(self._blank, rest[2:])
+        measured, memory = rest[:2] if self._senses else (p, v), like(self.controller._blank, rest[2:])
         done = np.zeros(len(p)), False, np.zeros(len(self.plant.flags))
         return PlantState(time, p, v, q, measured[0], measured[1], *done, drives, sensors), memory
 
@@ -289,10 +289,6 @@ class ClosedLoop:
             found = arms.state.columns.get(name, "none")
             if found != length:
                 raise InputError(f"closed loop: expected {name} of length {length}, got {found}")
-
-    @cached_property
-    def _blank(self) -> Any:
-        return self.controller.initial_state(self.controller.neutral_configuration, np.zeros(self.controller.dof))
 
     @property
     def _senses(self) -> bool:
