@@ -36,9 +36,10 @@ class Stored(NamedTuple):
     def flow(self, period: Period, alarmed: Condition, counts: Scalar, rates: tuple[Any, Any]) -> Flow:
         """Shares that a period keeps, takes and recalls of what is valid, at rates of forgetting and recall in 1/s."""
         quiet, stay, (forgetting, recall) = where(alarmed, 0.0, 1.0), 1.0 / (1.0 + period.period / QUARANTINE), rates
-        keep = 1.0 / (1.0 + (forgetting * period.dt) * (quiet * counts))
-        old, pending = self.valid
-        return Flow(old * keep, pending * (quiet * (1.0 - stay)), pending * stay, quiet * (recall * period.dt))
+        moves, (old, pending) = quiet * counts, self.valid
+        keep = 1.0 / (1.0 + (forgetting * period.dt) * moves)
+        # At rest nothing is recalled: there a load and friction, which one motion does not tell apart, differ.
+        return Flow(old * keep, pending * (quiet * (1.0 - stay)), pending * stay, (recall * period.dt) * moves)
 
     def stepped(
         self, flow: Flow, units: Sequence[Column], torque: Column, shares: Column, at: tuple[Column, Column],
