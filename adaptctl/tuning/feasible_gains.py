@@ -94,7 +94,8 @@ def _validate_inertia(mechanism: Mechanism, M: Array) -> None:
     if light.size:
         raise InputError(
             f"{mechanism.name}: {', '.join(names[j] for j in light)}: moves no inertia, so there are no stable gains: "
-            "give its links mass, or the joint a rotor inertia"
+            "give its links mass, or the joint drive = { rotor_inertia = ... } in a TOML file (adaptctl new ROBOT.toml "
+            "--like FILE writes one)"
         )
     root = np.sqrt(diagonal)
     least = np.linalg.eigvalsh(M / root[:, :, None] / root[:, None, :])[:, 0]
