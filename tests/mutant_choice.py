@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import accumulate
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 from mutant_processes import ROOT, first_and_last, forked, run
@@ -24,7 +25,7 @@ from mutant_sites import Mutant
 
 RECORDED = ROOT / "build" / "mutants" / "entered"
 ELSEWHERE = ("benchmarks", "docstring", "layers", "light_core", "mutants", "notebook", "packaging", "public_api")
-"""Parts of names of test files that read the code, or start processes of their own, which meet it as it is."""
+"""Parts of names of test files that read the code, or take long to start processes of their own."""
 KEPT = "tests/test_golden.py"
 """It compares what modules and classes say of themselves, and enters no function of theirs for that."""
 START = 0.3
@@ -148,7 +149,8 @@ def record(name: str, limit: int) -> None:
     RECORDED.mkdir(parents=True, exist_ok=True)
     target.unlink(missing_ok=True)
     recorder = Recorder(name, target, limit)
-    code = forked(partial(run, [name], recorder.reporting, [recorder], f"recorded {name}"), 5 * limit)
+    with TemporaryDirectory() as folder:
+        code = forked(partial(run, [name], recorder.reporting, [recorder], folder), 5 * limit)
     remark = "" if code == 0 else ": left out, it fails or takes too long without a mutant"
     print(f"recorded {name}{remark}", flush=True)
     if code != 0:
@@ -181,10 +183,14 @@ def chosen(mutant: Mutant, files: list[Recorded], budget: float) -> list[tuple[R
 
 def concerning(mutant: Mutant, files: list[Recorded]) -> frozenset[str]:
     """The mutant's function where a test enters it; else all functions of its module that tests enter: statements of
-    modules and classes run at the import, for all of them."""
+    modules and classes run at the import, for all of them. Else those of its folder: processes that tests start may."""
     everything: frozenset[str] = frozenset().union(*(file.entered for file in files))
     own = frozenset({f"{mutant.path}::{mutant.function}"}) & everything
-    return own or frozenset(name for name in everything if name.startswith(f"{mutant.path}::"))
+    module, folder = (
+        frozenset(name for name in everything if name.startswith(place))
+        for place in (f"{mutant.path}::", f"{Path(mutant.path).parent}/")
+    )
+    return own or module or folder
 
 
 def within(file: Recorded, cases: list[str], seconds: float) -> list[str]:

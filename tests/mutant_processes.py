@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import ast
-import hashlib
-import importlib
 import importlib.machinery
+import marshal
 import os
 import resource
 import signal
@@ -19,6 +18,8 @@ import pytest
 from hypothesis import Phase, settings
 
 ROOT = Path(__file__).resolve().parent.parent
+CHILDREN = ROOT / "tests" / "changed_module"
+"""On the path of processes that tests start: what changes a module there"""
 PYTEST = ("-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-W", "ignore::pytest.PytestAssertRewriteWarning")
 
 
@@ -60,25 +61,24 @@ def first_and_last(items: Iterable[pytest.Item]) -> list[pytest.Item]:
 
 
 def run(
-    test_files: Iterable[str], changed: Callable[[Path], ast.Module | None], plugins: list[object], version: str
+    test_files: Iterable[str], changed: Callable[[Path], ast.Module | None], plugins: list[object], folder: str
 ) -> int:
     """Exit code of pytest on test files, in this process, where modules are compiled from what `changed` returns.
 
-    Results that are kept from one process to the next are kept for this `version` of the code alone.
+    What the library keeps from one process to the next is kept in a folder of this version of the code alone.
     """
     compile_by(changed)
-    keep_apart(version)
+    os.environ["ADAPTCTL_CACHE"] = f"{folder}/cache"
     return int(pytest.main([*PYTEST, *test_files], plugins=[Hurried(), *plugins]))
 
 
-def keep_apart(version: str) -> None:
-    """Have results that outlast the process kept for a version of the code."""
-    try:
-        cache = importlib.import_module("adaptctl.compilation.object_cache")
-    except Exception:  # a mutant that cannot be imported dies by the first test
-        return
-    source = cache.source_state()
-    cache.source_state = lambda: hashlib.sha256(f"{source} {version}".encode()).hexdigest()
+def run_changed(test_files: Iterable[str], target: Path, tree: ast.Module, plugins: list[object], folder: str) -> int:
+    """Exit code of pytest on test files, where one module is changed, in processes that tests start as well."""
+    code = Path(folder, "changed")
+    code.write_bytes(marshal.dumps(compile(tree, str(target), "exec")))
+    os.environ["CHANGED_MODULE"] = f"{target}{os.pathsep}{code}"
+    os.environ["PYTHONPATH"] = os.pathsep.join([str(CHILDREN), *filter(None, [os.environ.get("PYTHONPATH")])])
+    return run(test_files, lambda path: tree if path == target else None, plugins, folder)
 
 
 def compile_by(changed: Callable[[Path], ast.Module | None]) -> None:

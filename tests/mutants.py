@@ -9,8 +9,8 @@ seconds have passed. `count` of each folder are drawn by seed, and results are w
 so that a run that was cut short goes on.
 
 Test files run in forks of a process that has imported what is slow to import, the first ones in one and all others in
-another, and the changed module is compiled in memory: no file is changed. Processes that tests start meet the code as
-it is, and kill nothing.
+another, and the changed module is compiled in memory, in processes that tests start as well: no file is changed. A test
+that fails without the mutant too kills nothing.
 """
 
 from __future__ import annotations
@@ -22,52 +22,69 @@ import os
 import resource
 import time
 from collections import Counter
-from functools import partial
-from pathlib import Path
+from functools import cache, partial
+from tempfile import TemporaryDirectory
 
 from alike_mutants import ALIKE
 from listed_mutants import LISTED, Listed
 from mutant_choice import ROOT, Recorded, chosen, folder_of, record, recorded, test_files
-from mutant_processes import Only, forked, run, warm
+from mutant_processes import Only, forked, run_changed, warm
 from mutant_sites import Mutant, mutated, sites
 
 BUILD = ROOT / "build" / "mutants"
 FAILED = BUILD / f"failed{os.getpid()}.txt"
 FIRST = 2
+PASSED = (0, 5)
+"""pytest's codes of tests that all pass, and of no tests"""
+PATIENCE = 80
+"""s of the processor that a case has on the code as it is"""
+Files = list[tuple[Recorded, list[str]]]
 TOPS = ("adaptctl", "envs", "experiments")
 
 
-def verdict(mutant: Mutant, files: list[tuple[Recorded, list[str]]]) -> tuple[str, str]:
-    """`killed`, `survived`, `too slow` or `no test`; and the test that killed it.
+def verdict(mutant: Mutant, files: Files) -> tuple[str, str]:
+    """`killed`, `survived`, `too slow` or `no test`; and the test that killed it, which passes without the mutant.
 
     The first files have a process of their own, since to collect the rest takes longer than most tests do."""
     for some in (files[:FIRST], files[FIRST:]):
-        FAILED.write_text(" ".join(sorted({file.name for file, _ in some})))
         limit = int(20 + 4 * sum(file.seconds(cases) for file, cases in some))
-        outcome = forked(partial(meet, mutant, some), limit) if some else 0
-        if outcome not in (0, 5):  # pytest's codes of tests that all pass, and of no tests
-            return "too slow" if outcome is None else "killed", FAILED.read_text()
+        names, cases = {file.name for file, _ in some}, [case for _, cases in some for case in cases]
+        outcome, by = met(names, cases, limit, mutated(mutant), mutant.path) if some else (0, "")
+        if outcome is None:
+            return "too slow", by
+        if outcome not in PASSED:
+            return ("killed", by) if passes(by, mutant.path) else verdict(mutant, without(files, by))
     return ("survived", "") if files else ("no test", "")
 
 
-def meet(mutant: Mutant, files: list[tuple[Recorded, list[str]]]) -> int:
-    """Exit code of pytest on test files and a mutant, in this process."""
-    changed = partial(_instead, (ROOT / mutant.path).resolve(), mutated(mutant))
-    cases = [case for _, some in files for case in some]
-    return run(dict.fromkeys(file.name for file, _ in files), changed, [Only(cases, FAILED)], mutant.key)
+def met(names: set[str], cases: list[str], limit: int, tree: ast.Module, path: str) -> tuple[int | None, str]:
+    """Exit code of pytest on cases of test files and a module's tree, and the last case that began, or the files."""
+    FAILED.write_text(" ".join(sorted(names)))
+    only, target = Only(cases, FAILED), (ROOT / path).resolve()
+    with TemporaryDirectory() as folder:
+        return forked(partial(run_changed, sorted(names), target, tree, [only], folder), limit), FAILED.read_text()
+
+
+@cache
+def passes(tests: str, path: str) -> bool:
+    """Whether a case passes, or test files are collected, in the same way but on the code as it is."""
+    names = {tests.partition("::")[0]} if "::" in tests else set(tests.split())
+    return met(names, [tests], PATIENCE, ast.parse((ROOT / path).read_text()), path)[0] in PASSED
+
+
+def without(files: Files, tests: str) -> Files:
+    """Test files without a case, or without those of some files."""
+    kept = [(file, [case for case in cases if case != tests]) for file, cases in files]
+    return [(file, cases) for file, cases in kept if cases and file.name not in tests.split()]
 
 
 def listed_verdict(listed: Listed) -> str:
     """`killed`, `survived` or `too slow`, by the tests that are named beside a change."""
     target = (ROOT / listed.path).resolve()
     tree = ast.parse(target.read_text().replace(listed.before, listed.after))
-    changed = partial(_instead, target, tree)
-    outcome = forked(partial(run, listed.tests, changed, [], listed.name), 120)
+    with TemporaryDirectory() as folder:
+        outcome = forked(partial(run_changed, listed.tests, target, tree, [], folder), 120)
     return "too slow" if outcome is None else "survived" if outcome == 0 else "killed"
-
-
-def _instead(target: Path, tree: ast.Module, path: Path) -> ast.Module | None:
-    return tree if path == target else None
 
 
 def judge_listed() -> dict[str, str]:
@@ -151,7 +168,6 @@ def main() -> None:
         print("\n".join(f"{number} {mutant.path}:{mutant.line} {mutant.key}" for number, mutant in rows))
         return
     BUILD.mkdir(parents=True, exist_ok=True)
-    os.environ["ADAPTCTL_CACHE"] = str(BUILD / "cache")
     warm()
     if not asked.folders:
         print(f"listed by hand: {dict(Counter(judge_listed().values()))}", flush=True)
