@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from adaptctl.arrays import positive_number, real_number, stacked_rows, whole_count, whole_number
+from adaptctl.arrays import positive_number, positive_period, real_number, stacked_rows, whole_count, whole_number
 from adaptctl.errors import InputError
 
 TAKERS: dict[str, Callable[[Any], object]] = {
@@ -39,6 +40,24 @@ def test_what_is_no_number_is_none_in_an_array_either(taker: str, other: Any) ->
 @pytest.mark.parametrize("taker", TAKERS)
 def test_whole_numbers_are_numbers(taker: str, one: Any) -> None:
     assert TAKERS[taker](one) == 1
+
+
+@pytest.mark.parametrize(
+    ("taker", "least", "most"),
+    [
+        (TAKERS["positive"], 1e-30, 1e30),
+        (lambda x: positive_period(x, "x"), 1e-9, 1e9),
+        (lambda x: positive_number(x, "x: expected a positive finite number", 0.5, 2.0), 0.5, 2.0),
+    ],
+)
+def test_ends_of_positive_numbers_are_among_them(taker: Callable[[Any], object], least: float, most: float) -> None:
+    assert [taker(least), taker(most)] == [least, most]
+    for outside in (least * (1.0 - 1e-9), most * (1.0 + 1e-9)):
+        with pytest.raises(InputError, match=rf"^x: .* from {least:g} to {re.escape(f'{most:g}')}, got "):
+            taker(outside)
+    for none in (0.0, -least, np.inf, np.nan, 10**400):
+        with pytest.raises(InputError, match=r"^x: expected a positive [^,]*, got "):
+            taker(none)
 
 
 def test_rows_are_stacked() -> None:

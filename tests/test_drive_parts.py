@@ -34,6 +34,7 @@ from adaptctl.hardware.preparation import DEFAULT_SAMPLING_RATIO, hold_at
 from adaptctl.hardware.resting import MARGIN, StoppingDistance
 from adaptctl.hardware.stop import PlannedStop
 from adaptctl.hardware.timing import BINS, LoopTimes
+from adaptctl.hardware.torque_guard import RATE_SHARE
 from adaptctl.hardware.touch_reaction import Retreat, yielding
 from adaptctl.hardware.udp_plant import received
 
@@ -81,6 +82,23 @@ def test_a_stop_goes_as_far_as_two_periods_and_half_the_time_of_braking(side: fl
     end = np.minimum(LIMITS.upper, -LIMITS.lower) - MARGIN - way
     for room, beyond in ((1e-6, False), (-1e-6, True)):
         assert (STOPPING.beyond(side * (end - room), side * speed) == beyond).all()
+    for away in (0.0, 0.01, 0.9):  # from an end where it rests, or which it leaves, a stop takes it nowhere beyond
+        assert not STOPPING.beyond(side * np.minimum(LIMITS.upper, -LIMITS.lower), -side * away * speed).any()
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_torque_that_drives_on_is_turned_round_before_a_stop_begins(side: float) -> None:
+    """At the rate limit, to its negative: the arm is fastest halfway, as the integral of its acceleration tells."""
+    net, acceleration, speed = np.array([40.0, 10.0]), np.array([3.0, 9.0]), np.array([2.0, 1.0])
+    turning = 2.0 * PERIOD + 2.0 * net / (RATE_SHARE * 1000.0)
+    falling = 1.0 - 2.0 * (np.arange(1000.0) + 0.5) / 1000.0
+    fastest = speed + acceleration * turning * np.cumsum(falling).max() / 1000.0
+    way = fastest * (turning + 0.5 * STOPPING.duration(fastest))
+    end = np.minimum(LIMITS.upper, -LIMITS.lower) - MARGIN - way
+    for room, beyond in ((1e-6, False), (-1e-6, True)):
+        assert (STOPPING.beyond(side * (end - room), side * speed, side * net, acceleration) == beyond).all()
+    stopping = STOPPING.beyond(side * (end + 1e-6), side * speed, -side * net, 0.0)  # it brakes already
+    assert not stopping.any()
 
 
 def test_brakes_use_half_of_the_torque_that_gravity_leaves() -> None:

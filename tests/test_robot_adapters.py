@@ -15,6 +15,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pinocchio
 import pytest
 from driven_robots import ARM
 from random_trees import random_chain
@@ -23,6 +24,8 @@ import adaptctl
 from adaptctl.cli.drive import _geared
 from adaptctl.cli.main import main
 from adaptctl.description.drive import Drive
+from adaptctl.description.inertia import inertia_tensor
+from adaptctl.errors import InputError
 from adaptctl.hardware import (
     ROTOR_PROFILES,
     FrankaRobot,
@@ -174,6 +177,32 @@ def test_ur_knows_its_payload_and_stops_where_it_changes(vendor: SimulatedVendor
         robot.read()
     vendor.robot = MuJoCoRobot(ARM, 2e-3, CENTER, compensates_gravity=True)
     assert URRobot("robot", LIMITS).tool[0] == 0.5
+
+
+@pytest.mark.parametrize("vendor", [2e-3], indirect=True)
+@pytest.mark.parametrize("stated", [[0.03, 0.04, 0.05, 0.001, -0.002, 0.003], []])
+def test_urs_payload_is_the_body_that_is_set_there(vendor: Any, stated: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pinocchio's, of a point where no inertia is set."""
+    center, (xx, yy, zz, xy, xz, yz) = np.array([0.1, -0.2, 0.3]), stated or [0.0] * 6
+    monkeypatch.setattr(vendor, "payload", 2.0)
+    monkeypatch.setattr(vendor, "getPayloadCog", center.tolist)
+    monkeypatch.setattr(vendor, "getPayloadInertia", lambda: stated)
+    body = pinocchio.Inertia(2.0, center, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])).matrix()
+    tool = URRobot("robot", LIMITS).tool
+    assert tool[:4] == pytest.approx([2.0, *(2.0 * center)])
+    np.testing.assert_allclose(inertia_tensor(tool), body[3:, 3:], atol=1e-15)
+
+
+@pytest.mark.parametrize("vendor", [1e-3], indirect=True)
+@pytest.mark.parametrize(("said", "helps"), [("no Realtime kernel", True), ("connection timed out", False)])
+def test_only_a_kernel_without_real_time_is_helped_by_doing_without(vendor: Any, said: str, helps: bool) -> None:
+    def refused(address: str, config: object) -> None:
+        raise OSError(said)
+
+    sys.modules["pylibfranka"].Robot = refused  # type: ignore[attr-defined]
+    with pytest.raises(InputError, match=f"^robot: no Franka robot: {said}") as told:
+        FrankaRobot("robot", limits=LIMITS)
+    assert ("--any-kernel" in str(told.value)) == helps
 
 
 @pytest.mark.parametrize("vendor", [1e-3], indirect=True)

@@ -397,7 +397,7 @@ class _Runs(Driven):
     def advance(self) -> None:
         """Compute a chunk, at most up to the next sample."""
         first, every, plant = self.count, self.every, self.loop.plant
-        end = self.steps if every in (None, 1) else min(first + -first % (every or 1) + 1, self.steps)
+        end = min(first + -first % every + 1, self.steps) if every and every > 1 else self.steps
         time = self.ahead(min(end - first, self.longest))
         kept = slice(self._samples(first), self._samples(first + len(time)))
         for members, arms, ahead, noise in self.batches:
