@@ -169,7 +169,8 @@ def chosen(mutant: Mutant, files: list[Recorded], budget: float) -> list[tuple[R
     ones first that enter little else. Cases that a file's share has no time for come after all other files."""
     code = concerning(mutant, files)
     kept = KEPT if f"{mutant.path}::{mutant.function}" not in code else ""
-    concerned = [(file, file.concerned(code)) for file in files if file.entered & code or file.name == kept]
+    about = [file for file in files if file.entered & code or file.name == kept or names(file, mutant)]
+    concerned = [(file, file.concerned(code)) for file in about]
     concerned.sort(key=lambda pair: (*distance(pair[0], mutant), pair[0].seconds(pair[1]) * len(pair[0].entered)))
     first = [(file, within(file, cases, SHARE * budget)) for file, cases in concerned]
     later = [(file, cases[len(known) :]) for (file, cases), (_, known) in zip(concerned, first, strict=True)]
@@ -197,6 +198,11 @@ def within(file: Recorded, cases: list[str], seconds: float) -> list[str]:
     """The first of some cases that take no more than some seconds together; one where it alone takes more."""
     taken = list(accumulate(file.cases[case][0] for case in cases))
     return [case for case, until in zip(cases, taken, strict=True) if until <= max(seconds, taken[0])]
+
+
+def names(file: Recorded, mutant: Mutant) -> bool:
+    """True for a test file that names a mutant's module, which processes that it starts may import."""
+    return not distance(file, mutant)[2]
 
 
 def distance(file: Recorded, mutant: Mutant) -> tuple[bool, ...]:

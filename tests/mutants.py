@@ -22,7 +22,7 @@ import os
 import resource
 import time
 from collections import Counter
-from functools import cache, partial
+from functools import partial
 from tempfile import TemporaryDirectory
 
 from alike_mutants import ALIKE
@@ -36,14 +36,13 @@ FAILED = BUILD / f"failed{os.getpid()}.txt"
 FIRST = 2
 PASSED = (0, 5)
 """pytest's codes of tests that all pass, and of no tests"""
-PATIENCE = 80
-"""s of the processor that a case has on the code as it is"""
 Files = list[tuple[Recorded, list[str]]]
 TOPS = ("adaptctl", "envs", "experiments")
 
 
 def verdict(mutant: Mutant, files: Files) -> tuple[str, str]:
-    """`killed`, `survived`, `too slow` or `no test`; and the test that killed it, which passes without the mutant.
+    """`killed`, `survived`, `too slow` or `no test`; and the test that killed it, which passes on the code as it is,
+    after the same other ones.
 
     The first files have a process of their own, since to collect the rest takes longer than most tests do."""
     for some in (files[:FIRST], files[FIRST:]):
@@ -53,7 +52,9 @@ def verdict(mutant: Mutant, files: Files) -> tuple[str, str]:
         if outcome is None:
             return "too slow", by
         if outcome not in PASSED:
-            return ("killed", by) if passes(by, mutant.path) else verdict(mutant, without(files, by))
+            until = cases[: cases.index(by) + 1] if by in cases else []
+            again, _ = met(names, until, limit, ast.parse((ROOT / mutant.path).read_text()), mutant.path)
+            return ("killed", by) if again in PASSED else verdict(mutant, without(files, by))
     return ("survived", "") if files else ("no test", "")
 
 
@@ -63,13 +64,6 @@ def met(names: set[str], cases: list[str], limit: int, tree: ast.Module, path: s
     only, target = Only(cases, FAILED), (ROOT / path).resolve()
     with TemporaryDirectory() as folder:
         return forked(partial(run_changed, sorted(names), target, tree, [only], folder), limit), FAILED.read_text()
-
-
-@cache
-def passes(tests: str, path: str) -> bool:
-    """Whether a case passes, or test files are collected, in the same way but on the code as it is."""
-    names = {tests.partition("::")[0]} if "::" in tests else set(tests.split())
-    return met(names, [tests], PATIENCE, ast.parse((ROOT / path).read_text()), path)[0] in PASSED
 
 
 def without(files: Files, tests: str) -> Files:

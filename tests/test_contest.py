@@ -140,6 +140,15 @@ def test_a_law_that_fails_is_a_row_with_its_reason(own: str, law: str, reason: s
     assert all(np.isnan(row["error"]) for row in rows)
 
 
+def test_a_copy_of_a_law_elsewhere_is_a_law_of_its_own(own: str, tmp_path: Path) -> None:
+    (tmp_path / "copied").mkdir()
+    copy = tmp_path / "copied" / "own.py"
+    copy.write_text(OWN)
+    for path in (own, copy):
+        (told,) = reasons(entry(f"{path}:Raises", seeds=(1,)).rows())
+        assert told.endswith("(line 38)")
+
+
 def test_a_law_that_never_ends_is_stopped(own: str, scene: Scene) -> None:
     from adaptctl.contest.own_law import own_entrant
 
@@ -263,7 +272,12 @@ def test_the_command_writes_all_files_resumes_and_runs_a_new_law_alone(
     after = pq.read_table(out / "results.parquet")
     assert after.filter(np.array(after["law"]) != "Slower").equals(before)
     assert {f.metadata[b"unit"] for f in after.schema if f.name.startswith("error")} == {b"mrad (mm)"}
-    assert "Slower" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "Slower" in told
+    assert re.search(r"^Critical difference of ranks: \d", told, re.M)
+    assert ("Halves of the seeds: " in told) == (len(set(after["seed"].to_pylist())) > 1)
+    assert after.schema.metadata[b"scoring"].decode() in told
+    assert all(Path(path).exists() for path in re.findall(r"^(?:Rows|Page): +(.+)$", told, re.M))
     assert {"index.html", "ranks.parquet"} <= {path.name for path in out.iterdir()}
     assert json.loads((out / "contest.json").read_text())["sha256"] == after.schema.metadata[b"scoring"].decode()
     shard = next((out / "shards").glob("*.true.*"))

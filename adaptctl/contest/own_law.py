@@ -92,7 +92,8 @@ def _filled(kind: type, known: Known) -> Iterator[tuple[str, Any]]:
 def _module(path: Path) -> Any:
     if not path.is_file():
         raise FileError(f"{path}: no such file: a law of yours is named as FILE.py:CLASS")
-    spec = spec_from_file_location(f"adaptctl_law_{path.stem}_{source_hash(f'{path}:')[:8]}", path)
+    known = hashed([str(path.resolve()), read_text(path)])
+    spec = spec_from_file_location(f"adaptctl_law_{path.stem}_{known[:8]}", path)
     if spec is None or spec.loader is None:
         raise FileError(f"{path}: cannot be imported as Python")
     if spec.name in sys.modules:
