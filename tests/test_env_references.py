@@ -17,6 +17,7 @@ from adaptctl.control.gains.gains import finite_torque_limits
 from adaptctl.description import Limits
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs import TrackingEnv, random_sinusoids
+from adaptctl.envs.random_reference import _within_limits
 from adaptctl.errors import InputError
 from adaptctl.simulation.references import BLOCK, Preview
 
@@ -71,6 +72,21 @@ def test_random_references_use_four_fifths_of_narrow_limits_at_most(measured: Me
         v = np.array([path.v for path in paths])
         assert np.abs(v).max() <= 0.8 * 0.05
         assert np.abs(v).max() > 0.4 * 0.05
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_references_of_an_arm_with_loops_shrink_towards_its_home_until_they_close(seed: int) -> None:
+    """By a power of four fifths; all joints together, since what each may do depends on the others."""
+    arm = robot_of("semi_direct_drive_parallelogram")
+    free, drawn = _within_limits(arm, np.random.default_rng(seed)), random_sinusoids(arm, np.random.default_rng(seed))
+    steps = np.log(drawn.amplitude / free.amplitude) / np.log(0.8)
+    assert steps == pytest.approx(np.full(steps.shape, np.rint(steps.flat[0])))
+    home, share = arm.neutral_configuration, 0.8 ** steps.flat[0]
+    assert np.abs(home).max() > 1.0
+    np.testing.assert_allclose(drawn.center - home, share * (free.center - home), atol=1e-12)
+    np.testing.assert_array_equal(drawn.frequency, free.frequency)
+    p, v, _ = drawn(np.linspace(0.0, 30.0, 300))
+    assert np.isfinite(arm.inverse_dynamics(p, v, 0.0 * v)).all()  # which closes the loops, or raises
 
 
 def with_limits(mechanism: Mechanism, **limits: float) -> Mechanism:

@@ -20,6 +20,7 @@ from adaptctl.dynamics.recursion.kinematics import link_poses
 from adaptctl.envs import Puma560TrackingEnv
 from adaptctl.envs.contact import surroundings_of
 from adaptctl.envs.rendering import (
+    BESIDE_OPACITY,
     HORIZON,
     OVERSAMPLING,
     ZENITH,
@@ -260,6 +261,20 @@ def test_a_wall_is_drawn_before_and_behind_the_arm(puma: Mechanism) -> None:
     assert changed[int(y), int(x)]
     assert 0.02 < changed.mean() < 0.5
     assert not changed[:, :40].any()
+
+
+def test_a_wall_lets_through_what_is_behind_it(puma: Mechanism) -> None:
+    """Of two pictures' difference, what its opacity leaves: an arm behind it, or the ground where the arm is not."""
+    walls = surroundings_of("wall")
+    bare, walled = (
+        [Renderer(puma, 160, 120, surroundings=given).bare_image(p, p).astype(float) for p in (CENTER, RAISED)]
+        for given in ((), walls)
+    )
+    before = [np.abs(one - other).max(axis=-1) > 8.0 for one, other in zip(walled, bare, strict=True)]
+    both = (before[0] & before[1])[..., None] & (np.abs(bare[0] - bare[1]) > 60.0)
+    assert both.sum() > 20
+    shares = (walled[0] - walled[1])[both] / (bare[0] - bare[1])[both]
+    assert np.median(shares) == pytest.approx(1.0 - BESIDE_OPACITY, abs=0.03)
 
 
 def test_the_sky_darkens_upwards_and_the_floor_fades_into_its_foot(renderer: Renderer) -> None:
