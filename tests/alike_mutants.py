@@ -54,12 +54,11 @@ ALIKE = {
         "ratios are within their intervals, which are looked at where ratios are apart"
     ),
     "adaptctl/contest/ranking.py::agreement (one.ratio(*pair) - 1.0) * (other.ratio(*pair) - 1.0) < 0.0 -> "
-    "(one.ratio(*pair) - 1.0) * (other.ratio(*pair) - 1.0) <= 0.0": "a ratio of 1 is in its interval, and settles nothing",
+    "(one.ratio(*pair) - 1.0) * (other.ratio(*pair) - 1.0) <= 0.0": "ratios of 1 are within their intervals",
     "envs/rendering.py::intersect height > 0.0 -> height >= 0.0": "no ray meets the rim of an end to the last bit",
     "adaptctl/logs/parquet.py::_long 8 -> 9": "a file is the same, read whole or by batches",
-    "adaptctl/logs/on_disk.py::_mapped os.fstat(file.fileno()).st_size < size -> os.fstat(file.fileno()).st_size <= size": (
-        "a file that is made as long as it is stays as it is"
-    ),
+    "adaptctl/logs/on_disk.py::_mapped os.fstat(file.fileno()).st_size < size -> "
+    "os.fstat(file.fileno()).st_size <= size": ("a file that is made as long as it is stays as it is"),
     "adaptctl/contest/trial.py::_torques 0.1 -> 0.2 (again 1)": "any measurements tell if a law uses the links",
     "adaptctl/compilation/batch.py::batch MIN_STREAMED_BYTES // 8 -> MIN_STREAMED_BYTES * 8": (
         "arrays of any size have the same numbers, written past the cache or not"

@@ -10,7 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from adaptctl.arrays import positive_number, positive_period, real_number, stacked_rows, whole_count, whole_number
+from adaptctl.arrays import (
+    MAX_PERIOD,
+    MIN_PERIOD,
+    positive_number,
+    positive_period,
+    real_number,
+    stacked_rows,
+    whole_count,
+    whole_number,
+)
 from adaptctl.errors import InputError
 
 TAKERS: dict[str, Callable[[Any], object]] = {
@@ -46,7 +55,7 @@ def test_whole_numbers_are_numbers(taker: str, one: Any) -> None:
     ("taker", "least", "most"),
     [
         (TAKERS["positive"], 1e-30, 1e30),
-        (lambda x: positive_period(x, "x"), 1e-9, 1e9),
+        (lambda x: positive_period(x, "x"), MIN_PERIOD, MAX_PERIOD),
         (lambda x: positive_number(x, "x: expected a positive finite number", 0.5, 2.0), 0.5, 2.0),
     ],
 )

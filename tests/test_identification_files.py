@@ -288,6 +288,14 @@ def test_ros_bags_are_read(tmp_path: Path) -> None:
         assert log.units["effort.elbow"] == "N m"
     with pytest.raises(FileError, match="no joint-state topic /nothing; topics: /joint_states"):
         read_log(tmp_path / "bag", "/nothing")
+    with Writer(tmp_path / "two", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        for topic, count in (("/right", 3), ("/left", 2)):
+            connection = writer.add_connection(topic, state.__msgtype__, typestore=types)
+            for i in range(count):
+                writer.write(connection, 10_000_000 * i, types.serialize_cdr(message, state.__msgtype__))
+    with pytest.raises(FileError, match="several joint-state topics: /left, /right; select one with --topic"):
+        read_log(tmp_path / "two")
+    assert [len(read_log(tmp_path / "two", topic)) for topic in ("/left", "/right")] == [2, 3]
     (tmp_path / "bad.mcap").write_bytes(b"nonsense")
     with pytest.raises(FileError, match=r"bad\.mcap: cannot be read as MCAP \(not a valid MCAP file"):
         read_log(tmp_path / "bad.mcap")

@@ -97,6 +97,16 @@ def test_a_file_with_blanks_between_its_numbers_is_read_in_batches(tmp_path: Pat
     assert_same(by_batches(read_delimited, path, "adaptctl.logs.text._read"), read_delimited(path))
 
 
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_cells_of_a_digit_each_are_read_in_batches(count: int, tmp_path: Path) -> None:
+    """More rows than any other file of its size has."""
+    path = tmp_path / "short.csv"
+    digits = np.arange(2000 * count).reshape(-1, count) % 7
+    path.write_text("\n".join(",".join(map(str, row)) for row in [list("abcde")[:count], *digits.tolist()]) + "\n")
+    log = by_batches(read_delimited, path, "adaptctl.logs.text._read")
+    np.testing.assert_array_equal(np.stack(list(log.columns.values()), axis=-1), digits)
+
+
 def test_a_longer_line_among_blanks_is_refused_under_the_files_own_name(tmp_path: Path) -> None:
     path = tmp_path / "log.txt"
     path.write_text("\n".join(["time  p", *(f"{k}  {0.1 * k:.6f}{' 9' * (k == 900)}" for k in range(1000))]))
