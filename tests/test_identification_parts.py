@@ -23,6 +23,7 @@ from adaptctl.identification.entropic import EntropicPrior, _spread_enough
 from adaptctl.identification.filtered_dynamics import RowFilter, SmoothMotion, motion_band
 from adaptctl.identification.log_checks import _clipped, _frozen, _impossible, _quantum, _spiked
 from adaptctl.identification.long_logs import Stretches
+from adaptctl.identification.position_faults import slips
 from adaptctl.identification.preparation import (
     PreparedLog,
     _explained,
@@ -305,10 +306,12 @@ def test_impossible_samples_are_jumps_that_come_back() -> None:
     stepped = smooth + (np.arange(400) >= 100)
     assert not _impossible(stepped)[0].any()
     assert not _impossible(smooth)[0].any()
-    kept = np.r_[0:100, 108:400]
+    kept = np.r_[0:100, 112:400]
     swing = np.sin(0.05 * kept + 0.75)
-    assert _impossible(swing)[0].any()
-    assert not _impossible(swing, np.diff(kept).astype(np.float64))[0].any()
+    none, periods = np.zeros(len(kept), dtype=np.bool_), np.diff(kept).astype(np.float64)
+    assert not _impossible(swing)[0].any()
+    assert slips(swing, np.ones(len(periods)), none) == [100]
+    assert slips(swing, periods, none) == []
     torque = np.sin(0.05 * np.arange(400))
     torque[200] += 1.5
     assert np.flatnonzero(_spiked(torque)).tolist() == [200]

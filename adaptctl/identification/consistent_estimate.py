@@ -34,13 +34,14 @@ FAR = np.log(30.0)
 # Steps at most of a search from a start, and of another; share of the way to the cone's edge that one takes; power of
 # the predictor's success that sets the next target; and share of the multipliers at the start of those that balance
 # the data there.
-MAX_WARM_STEPS, MAX_STEPS, EDGE_SHARE, TARGET_POWER, FIRST_SHARE = 15, 50, 0.98, 2.0, 0.1
+MAX_WARM_STEPS, MAX_STEPS, EDGE_SHARE, TARGET_POWER, FIRST_SHARE = 15, 60, 0.98, 2.0, 0.1
 # Relative error of P Z and of the slope at which the search ends, that from which on it is near its end, and steps
 # there without half as large an error after which round-off is all that is left.
 ERROR, NEAR_END, IDLE_STEPS = 1e-8, 0.1, 4
-# Share of a step below which one that only centers is tried too; and error of the slope below which the corrector is
-# weighed by the square of the predictor's share: else some searches go round for ever, and others where it is larger.
-SHORT, SMALL_SLOPE = 0.2, 1.0
+# Error of the slope below which the corrector is weighed by the square of the predictor's share, and share of a step
+# above it below which one that only centers is tried: else some searches go round for ever. Those that still do begin
+# again with all correctors weighed so, unless the residual is less than a bound.
+SMALL_SLOPE, SHORT, ENOUGH = 10.0, 0.2, 1e-3
 # Sum of the divergence's weights relative to the squares below which it is lost in round-off, and taken to be so large.
 LEAST_WEIGHT = 1e-13
 # Share of each column's square that is added, since data may not tell columns without a prior apart.
@@ -65,13 +66,15 @@ def _estimate(problem: _Problem, start: Array | None) -> Array:
     """Consistent parameters of a problem that has no columns without rows."""
     found, prior = list[_Point](), problem.prior
     origin = prior.start(len(problem.b))
-    first = [] if start is None else [(start, True, MAX_WARM_STEPS)]
-    others = [(x, False, MAX_STEPS) for x in (origin, *_multiple(problem.A, problem.b, prior))]
-    for begun, near, steps in (*first, *others):
+    first = [] if start is None else [(start, True, SMALL_SLOPE)]
+    starts = (origin, *_multiple(problem.A, problem.b, prior))
+    others = [(x, False, slope) for slope in (SMALL_SLOPE, np.inf) for x in starts]
+    for begun, near, slope in (*first, *others):
         with suppress(np.linalg.LinAlgError):
-            point, converged = _searched(problem, problem.start(begun, near), steps)
+            steps = MAX_WARM_STEPS if near else MAX_STEPS
+            point, converged = _searched(problem, problem.start(begun, near), steps, slope)
             found.append(point)
-            if converged:
+            if converged or (not near and problem.residual(point.x) < ENOUGH):
                 return _inside(point.x, prior)
     return _inside(min((point.x for point in found), key=problem.height, default=origin), prior)
 
@@ -84,7 +87,7 @@ def _multiple(A: Array, b: Array, prior: EntropicPrior) -> list[Array]:
     return [np.where(links, times * x, x)] if times > 0.0 and abs(np.log(times)) > FAR else []
 
 
-def _searched(problem: _Problem, point: _Point, steps: int) -> tuple[_Point, bool]:
+def _searched(problem: _Problem, point: _Point, steps: int, small_slope: float) -> tuple[_Point, bool]:
     """Point at which a search ends, and whether its error is that of round-off."""
     best, idle = np.inf, 0
     for _ in range(steps):
@@ -95,7 +98,7 @@ def _searched(problem: _Problem, point: _Point, steps: int) -> tuple[_Point, boo
         if error < ERROR or idle == IDLE_STEPS:
             return point, True
         try:
-            point = newton.next_point()
+            point = newton.next_point(small_slope)
         except np.linalg.LinAlgError:
             break
     return point, False
@@ -103,15 +106,7 @@ def _searched(problem: _Problem, point: _Point, steps: int) -> tuple[_Point, boo
 
 def optimality_residual(A: Array, b: Array, prior: EntropicPrior, weight: float, x: Array) -> float:
     """Objective at parameters (P,) less its minimum, by Newton's decrement, relative to the fitted sum of squares."""
-    problem = _Problem(A, b, prior, weight)
-    with suppress(np.linalg.LinAlgError):
-        if np.all(x[prior.positive] > 0.0):
-            roots, times = np.asarray(np.linalg.cholesky(prior.matrices(x)), dtype=np.float64), problem.times(x)
-            move = _Map.of(roots, x[prior.positive], prior.positive)
-            slope = move.back(A @ x - b + times * np.where(problem.penalised, prior.gradient(x, weight), 0.0))
-            curved = move.curvature(problem.root) + np.diag(times * problem.unit + problem.ridge)
-            return float(0.5 * slope @ _solver(curved)(slope) / (abs(float(b @ x)) + weight))
-    return np.inf
+    return _Problem(A, b, prior, weight).residual(x)
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,6 +169,19 @@ class _Problem:
     def times(self, x: Array) -> float:
         """Factor on the weights: 1, unless the divergence is lost in the squares' round-off."""
         return max(1.0, LEAST_WEIGHT * abs(float(self.b @ x)) / float(self.degrees.sum()))
+
+    def residual(self, x: Array) -> float:
+        """Objective at parameters (P,) less its minimum, by Newton's decrement, relative to the fitted squares."""
+        prior, times = self.prior, self.times(x)
+        with suppress(np.linalg.LinAlgError):
+            if np.all(x[prior.positive] > 0.0):
+                roots = np.asarray(np.linalg.cholesky(prior.matrices(x)), dtype=np.float64)
+                move = _Map.of(roots, x[prior.positive], prior.positive)
+                pulled = np.where(self.penalised, prior.gradient(x, self.weight), 0.0)
+                slope = move.back(self.A @ x - self.b + times * pulled)
+                curved = move.curvature(self.root) + np.diag(times * self.unit + self.ridge)
+                return float(0.5 * slope @ _solver(curved)(slope) / (abs(float(self.b @ x)) + self.weight))
+        return np.inf
 
     def start(self, x: Array, near: bool = False) -> _Point:
         """Point at parameters, those of any sign where least, with multipliers of the end or by the data's push."""
@@ -276,7 +284,7 @@ class _Newton:
         least = min(values.min(initial=0.0), (np.minimum(s, t) / self.point.own).min(initial=0.0))
         return min(1.0, most / max(-least, 1e-12))
 
-    def next_point(self) -> _Point:
+    def next_point(self, small_slope: float) -> _Point:
         """Point after a step with Mehrotra's corrector, or after one that only centers, if that is longer."""
         (S, s), (T, t) = map(self.parted, predicted := self.step(1.0))
         share = self.share(predicted, 1.0)
@@ -286,11 +294,14 @@ class _Newton:
         mean = after / (self.times * len(self.ratios))
         left = min(max((mean - 1.0) / (self.spread - 1.0), 0.0), 1.0) if self.spread > 1.0 + 1e-12 else 0.0
         target = 1.0 + left**TARGET_POWER * max(self.spread - 1.0, 0.0)
-        bent = share**2 if self.slope_error < SMALL_SLOPE else 1.0
+        near = self.slope_error < small_slope
+        bent = share**2 if near else 1.0
         steps = self.step(target, 0.5 * bent * (S @ T + T @ S), bent * s * t)
         taken = self.share(steps, EDGE_SHARE)
-        if taken < SHORT and (other := self.share(centering := self.step(self.spread), EDGE_SHARE)) > taken:
-            return self.moved(*centering, other)
+        if not near and taken < SHORT:
+            centering = self.step(self.spread)
+            if (other := self.share(centering, EDGE_SHARE)) > taken:
+                return self.moved(*centering, other)
         return self.moved(*steps, taken)
 
     def moved(self, step: Array, other: Array, share: float) -> _Point:
