@@ -19,10 +19,11 @@ UNEXCITED_COMPONENT = 1e-6
 
 def least_squares_deviations(Y: Array, ranges: Array) -> tuple[float, Array]:
     """Condition number of a scaled regressor (m, k), and the deviations (k,) that least squares leave."""
-    size = np.linalg.norm(Y, axis=0)
+    R = triangle(Y)  # of the same lengths and singular values, and k rows instead of m
+    size = np.linalg.norm(R, axis=0)
     size = np.maximum(size, MIN_COLUMN_RATIO * (size * ranges).max() / ranges)
     size[size == 0.0] = 1.0
-    _, values, directions = np.linalg.svd(triangle(Y / size))  # of the same singular values, and k rows instead of m
+    _, values, directions = np.linalg.svd(R / size)
     rank = int(np.sum(values > UNEXCITED_RATIO * values[0]))
     excited, not_excited = directions[:rank], directions[rank:]
     found = np.linalg.norm(excited / values[:rank, None], axis=0) / size

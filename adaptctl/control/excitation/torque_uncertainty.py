@@ -75,14 +75,15 @@ def torque_uncertainty(model: ReducedModel, run: SampledRun, torque_limits: Arra
     finite = np.isfinite(np.concatenate(chosen, axis=1)).all(axis=1)
     if not finite.any():
         return np.full(len(model.columns), np.inf)
-    shares = model.slotine_li_regressor(*(array[finite] for array in chosen)) / limits[:, None]
-    weight = np.sqrt(every * run.sample_time / CORRELATION_TIME) / TORQUE_ERROR_SHARE
-    rows = weight * shares.reshape(-1, shares.shape[-1])
+    shares = model.slotine_li_regressor(*(array[finite] for array in chosen))
+    shares *= np.sqrt(every * run.sample_time / CORRELATION_TIME) / TORQUE_ERROR_SHARE / limits[:, None]
+    rows = shares.reshape(-1, shares.shape[-1])
     elsewhere = _shares_elsewhere(model, run, limits)
     felt = elsewhere > 0.0
     found = np.zeros(len(elsewhere))
     if felt.any():
-        found[felt] = least_squares_deviations(rows[:, felt], 1.0 / elsewhere[felt])[1] * elsewhere[felt]
+        rows = rows if felt.all() else rows[:, felt]
+        found[felt] = least_squares_deviations(rows, 1.0 / elsewhere[felt])[1] * elsewhere[felt]
     return found
 
 
