@@ -6,7 +6,7 @@ from contextlib import suppress
 
 MMAP_THRESHOLD, TRIM_THRESHOLD = -3, -1
 """glibc's names for the bytes from which blocks are the system's, and for those that the heap keeps free at its end"""
-LARGE, SPARE = 2**20, 2**25
+LARGE, SPARE = 2**20, 2**22
 """bytes of such a block, an array of a run, and of what small ones leave: to fetch it again and again takes time"""
 
 

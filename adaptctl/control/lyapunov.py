@@ -12,6 +12,9 @@ from adaptctl.control.slotine_li import SlotineLi
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, validate_kind
 
+SAMPLES = 1000
+"""samples of a run whose matrices are in memory at once"""
+
 
 class TrackedRun(Protocol):
     """Run with motion and reference."""
@@ -138,7 +141,10 @@ def lyapunov(controller: SlotineLi, run: LearningRun, mechanism: Mechanism) -> A
     True
     """
     s, model = sliding_variable(controller, run), controller.model
-    kinetic = _kinetic(mechanism, run.p, s)
+    parts = [slice(k, k + SAMPLES) for k in range(0, max(len(s), 1), SAMPLES)]
+    kinetic = 0.5 * np.concatenate(
+        [np.einsum("ti,tij,tj->t", s[k], mechanism.mass_matrix(run.p[k]), s[k]) for k in parts]
+    )
     if controller.adaptation_law is None:
         return kinetic
     if len(mechanism.parameter_names) != len(model.mechanism.parameter_names):
@@ -147,18 +153,9 @@ def lyapunov(controller: SlotineLi, run: LearningRun, mechanism: Mechanism) -> A
             f"controller's mechanism {model.mechanism.name} ({len(model.mechanism.parameter_names)} parameters)"
         )
     true = model.regrouping @ mechanism.inertial_parameters
-    distance = controller.adaptation_law.lyapunov_distance(model, run.estimate, true)
-    if distance is None:
+    distances = [controller.adaptation_law.lyapunov_distance(model, run.estimate[k], true) for k in parts]
+    found = [distance for distance in distances if distance is not None]
+    if not found:
         law = type(controller.adaptation_law).__name__
         raise InputError(f"lyapunov: that of {law} needs more than the recorded estimate")
-    return kinetic + distance
-
-
-SAMPLES = 1000
-"""samples whose mass matrices are in memory at once"""
-
-
-def _kinetic(mechanism: Mechanism, p: Array, s: Array) -> Array:
-    """Kinetic energies (T,) of velocities s at positions p (T, r)."""
-    parts = [slice(k, k + SAMPLES) for k in range(0, max(len(p), 1), SAMPLES)]
-    return 0.5 * np.concatenate([np.einsum("ti,tij,tj->t", s[k], mechanism.mass_matrix(p[k]), s[k]) for k in parts])
+    return kinetic + np.concatenate(found)
