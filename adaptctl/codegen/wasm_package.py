@@ -65,7 +65,7 @@ def wasm_files(interface: Interface, name: str, scalar: Kind) -> tuple[dict[str,
 
 
 def _words(interface: Interface) -> dict[str, Any]:
-    """What the README says of joints, the status and estimates."""
+    """Texts of the README on joints, the status and estimates."""
     size, follows = interface.controller.reference_size, interface.follows_joints
     return {
         "joints": interface.joints,
