@@ -22,7 +22,7 @@ test: $(STAMP) ## run the tests, and the examples of README.md and docs/
 	$(BIN)/python -m pytest -n 2 --dist worksteal
 
 test-nightly: $(STAMP) ## run the long tests, of which `make test` has a selection
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m nightly
+	ADAPTCTL_OPTIMIZATION=1 $(BIN)/python -m pytest -n 2 --dist worksteal -m nightly
 
 search: $(STAMP) ## run the property-based tests with fresh random seeds
 	$(BIN)/python -m pytest -n 2 --dist worksteal --hypothesis-profile=search -m '' $$(grep -l '^from hypothesis import' tests/test_*.py)
@@ -113,7 +113,7 @@ gallery: $(STAMP) ## update the gallery in docs/ from runs in results/gallery; t
 sdist: $(STAMP) ## build the source distribution, and run its tests from it
 	$(BIN)/python -m build --no-isolation --sdist
 	rm -rf build/unpacked && mkdir -p build/unpacked && tar -xzf dist/adaptctl-*.tar.gz -C build/unpacked --strip-components=1
-	cd build/unpacked && PYTHONPATH=$$PWD $(CURDIR)/$(BIN)/python -m pytest -n 2 --dist worksteal tests
+	cd build/unpacked && PYTHONPATH=$$PWD ADAPTCTL_OPTIMIZATION=1 $(CURDIR)/$(BIN)/python -m pytest -n 2 --dist worksteal tests
 
 format: $(STAMP) ## format the code
 	$(BIN)/ruff check --fix .

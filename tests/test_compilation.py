@@ -22,6 +22,8 @@ from adaptctl.compilation.lanes import Lanes
 from adaptctl.compilation.llvm import program
 from adaptctl.scalars import Column, Dual, absolute, clip, cos, maximum, minimum, nearest_whole, sin, sqrt, where
 
+pytestmark = pytest.mark.usefixtures("optimized")
+
 moderate = st.floats(-3.0, 3.0)
 triples = st.tuples(moderate, moderate, moderate)
 

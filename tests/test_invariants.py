@@ -62,6 +62,7 @@ def test_the_numbers_are_those_of_each_member(lanes: int, length: int | None, mo
             np.testing.assert_allclose(values, true, rtol=1e-13, atol=1e-15)
 
 
+@pytest.mark.usefixtures("optimized")
 def test_lanes_give_the_same_bits_as_one_by_one() -> None:
     x, h, u = RNG.uniform(-1.0, 1.0, (11, 3)), RNG.uniform(-1.0, 1.0, (11, 3)), RNG.uniform(-1.0, 1.0, (50, 1))
     ends = []

@@ -7,6 +7,8 @@ import pytest
 
 from adaptctl.envs.task import Judgement, RewardWeights
 
+pytestmark = pytest.mark.usefixtures("optimized")
+
 R = 3
 JUDGEMENT = Judgement(RewardWeights(2.0, 0.3, 0.05), np.array([0.5, np.inf, 0.25]), np.array([10.0, 4.0, 1.0]))
 

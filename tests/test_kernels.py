@@ -18,6 +18,8 @@ from adaptctl.compilation import Kernel, compile_function, outlined
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.scalars import Column, where
 
+pytestmark = pytest.mark.usefixtures("optimized")
+
 # Arguments and results
 
 

@@ -20,7 +20,10 @@ from adaptctl.compilation.builtin import has_builtins
 from adaptctl.scalars import Column
 
 N = 4
-pytestmark = pytest.mark.skipif(not has_builtins(), reason="kernels are no built-in functions of this Python")
+pytestmark = [
+    pytest.mark.usefixtures("optimized"),
+    pytest.mark.skipif(not has_builtins(), reason="kernels are no built-in functions of this Python"),
+]
 
 
 def doubled(x: Column) -> list[Column]:

@@ -19,6 +19,8 @@ from adaptctl.dynamics.array_equations import COMPILE_AFTER_CALLS
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.scalars import Column
 
+pytestmark = pytest.mark.usefixtures("optimized")
+
 N = 5
 
 

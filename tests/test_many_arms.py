@@ -36,6 +36,8 @@ from adaptctl.control import (
 from adaptctl.control.pytree import leaves, like
 from adaptctl.errors import InputError, NonFiniteError
 
+pytestmark = pytest.mark.usefixtures("optimized")
+
 PUMA, LOOP = "puma560_arm3", "semi_direct_drive"
 PERIOD = 1e-3
 

@@ -23,6 +23,8 @@ from adaptctl.control.adaptation.sample_stack import sample_stack
 from adaptctl.control.adaptation.symmetric import Equation, directional_update, rank_update, solve, symmetric_product
 from adaptctl.scalars import Column, Dual, column, cos, sin, where
 
+pytestmark = pytest.mark.usefixtures("optimized")
+
 SIZES = st.integers(1, 45)
 
 

@@ -22,6 +22,8 @@ from adaptctl.errors import InputError, TraceError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, Dual, column
 
+pytestmark = pytest.mark.usefixtures("optimized")
+
 ARMS = ["puma560_measured", "semi_direct_drive"]
 
 

@@ -122,7 +122,9 @@ def test_infinity_is_no_json_and_is_computed_anew(folder: Path) -> None:
     assert once.times == 2
 
 
-@pytest.mark.parametrize("variable", ["OPENBLAS_CORETYPE", "OPENBLAS_NUM_THREADS", "ADAPTCTL_PROCESSOR"])
+@pytest.mark.parametrize(
+    "variable", ["OPENBLAS_CORETYPE", "OPENBLAS_NUM_THREADS", "ADAPTCTL_PROCESSOR", "ADAPTCTL_OPTIMIZATION"]
+)
 def test_other_arithmetic_computes_anew(folder: Path, monkeypatch: pytest.MonkeyPatch, variable: str) -> None:
     once = Computation(Found([], ""))
     for setting, times in (("1", 1), ("2", 2), ("1", 2)):

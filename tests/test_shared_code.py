@@ -15,6 +15,8 @@ from adaptctl.compilation import compile_step, llvm, native, outlined
 from adaptctl.compilation import routine as routines
 from adaptctl.scalars import Column, cos, sin
 
+pytestmark = pytest.mark.usefixtures("optimized")
+
 LENGTH = 300
 
 

@@ -33,6 +33,8 @@ from adaptctl.simulation.effects import (
     TorqueLimit,
 )
 
+pytestmark = pytest.mark.usefixtures("optimized")
+
 SMALL, LOOP, PERIOD = "puma560_arm3", "semi_direct_drive", 1e-3
 REAL: list[Effect] = [
     ControlDelay(1), TorqueLimit(50.0), PayloadHeld(1.0, 0.1, 0.2), Encoder(1e-4), FilteredDifferences(100.0)

@@ -16,6 +16,8 @@ from adaptctl.compilation.native import Processor
 from adaptctl.compilation.sine import DOUBLE
 from adaptctl.scalars import Column, cos, sin
 
+pytestmark = pytest.mark.usefixtures("optimized")
+
 Array = NDArray[np.float64]
 Pair = Callable[[Array], tuple[Array, Array]]
 

@@ -11,6 +11,8 @@ from nightly import at_night, mostly_at_night
 from adaptctl.compilation import compile_function, compile_step, outlined
 from adaptctl.scalars import Column, cos, sin
 
+pytestmark = pytest.mark.usefixtures("optimized")
+
 DT = 2.0**-10
 
 Equation = Callable[..., Column]

@@ -28,6 +28,8 @@ from adaptctl.simulation.members import MAX_FLOAT32_PERIODS
 from adaptctl.sweeps.rows import rows_of
 from adaptctl.sweeps.study import SweepStudy
 
+pytestmark = pytest.mark.usefixtures("optimized")
+
 PUMA, SMALL, LOOP = "puma560_measured", "puma560_arm3", "semi_direct_drive"
 WIDTHS = (1, 2, 4, 8, 16)
 

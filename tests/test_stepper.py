@@ -26,6 +26,8 @@ from adaptctl.compilation.native import Processor
 from adaptctl.errors import InputError, TraceError
 from adaptctl.scalars import Column, clip, cos, minimum, sin, sqrt, where
 
+pytestmark = pytest.mark.usefixtures("optimized")
+
 Array = NDArray[np.float64]
 
 X86 = platform.machine() in ("x86_64", "AMD64")

@@ -13,6 +13,8 @@ from adaptctl.compilation.lanes import Precision
 from adaptctl.compilation.sine import MAX_SINE_STEP
 from adaptctl.scalars import Column, Scalar, cos, sin
 
+pytestmark = pytest.mark.usefixtures("optimized")
+
 DT = 2.0**-10
 
 

@@ -32,6 +32,14 @@ LEVEL, QUICK = 1, 0
 at 0 long straight-line code takes a sixth, and runs a third to a half longer."""
 
 
+def optimization() -> int:
+    """Optimization level that ADAPTCTL_OPTIMIZATION names; at 0, no multiplication and addition are fused."""
+    level = os.environ.get("ADAPTCTL_OPTIMIZATION", "") or str(LEVEL)
+    if level not in (str(LEVEL), str(QUICK)):
+        raise InputError(f"ADAPTCTL_OPTIMIZATION: expected {QUICK} or {LEVEL}, got {level!r}")
+    return int(level)
+
+
 class Processor(NamedTuple):
     """Processor that native code is made for."""
 
@@ -100,9 +108,11 @@ class NativeCode:
 def load(text: str, processor: Processor | None = None, pieces: str = "") -> NativeCode:
     """The `NativeCode` of a module of LLVM IR, `text`, and of one of `pieces` that is compiled quickly."""
     with _compiler():
-        processor = processor or Processor.host()
-        machine = processor.machine()
-        objects = [_object(text, processor, machine, LEVEL)]
+        processor, level = processor or Processor.host(), optimization()
+        machine = processor.machine(level)
+        if level == QUICK:  # which would fuse in lanes alone
+            text, pieces = text.replace(" contract ", " "), pieces.replace(" contract ", " ")
+        objects = [_object(text, processor, machine, level)]
         if pieces:
             objects.append(_object(pieces, processor, processor.machine(QUICK), QUICK))
         return NativeCode(objects, machine)

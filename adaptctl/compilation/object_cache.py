@@ -136,7 +136,7 @@ def _write(path: Path, content: bytes) -> None:
 MAX_RESULTS_IN_PROCESS = 16
 """Results that one process caches."""
 
-_CHOOSING = ("OPENBLAS_", "MKL_", "OMP_NUM_THREADS", "ADAPTCTL_PROCESSOR")
+_CHOOSING = ("OPENBLAS_", "MKL_", "OMP_NUM_THREADS", "ADAPTCTL_PROCESSOR", "ADAPTCTL_OPTIMIZATION")
 """Prefixes of environment variables that choose code paths."""
 
 Result = TypeVar("Result")
