@@ -101,6 +101,12 @@ def test_torque_that_drives_on_is_turned_round_before_a_stop_begins(side: float)
     assert not stopping.any()
 
 
+def test_a_stop_takes_a_tenth_of_a_second_to_three() -> None:
+    assert STOPPING.duration(np.array([[0.0, 0.0], [1e9, 0.0]])).tolist() == [0.1, 3.0]
+    steepest = 1.875  # slope of the quintic step 6 s^5 - 15 s^4 + 10 s^3, halfway
+    assert STOPPING.duration(np.array([0.5, -0.8]) * STOPPING.deceleration) == pytest.approx(0.8 * steepest)
+
+
 def test_brakes_use_half_of_the_torque_that_gravity_leaves() -> None:
     p = np.random.default_rng(5).uniform(-np.pi, np.pi, (2000, 2))
     needed = np.abs(ARM.mass_matrix(p)) @ STOPPING.deceleration

@@ -195,6 +195,11 @@ def test_a_motion_after_a_log_adds_what_that_left_open(tmp_path: Path) -> None:
         told.append(json.loads((tmp_path / f"{len(more)}" / "forecast.json").read_text()))
     alone, after = ([entry["deviation"] for entry in one["parameters"].values()] for one in told)
     assert np.all(np.array(after) < np.array(alone))
+    written = {
+        name: [(tmp_path / folder / f"{name}.csv").read_text() for folder in ("0", "6")]
+        for name in ("excitation", "validation")
+    }
+    assert {name for name, (one, other) in written.items() if one == other} == {"validation"}  # which the log leaves
 
 
 @pytest.mark.parametrize(

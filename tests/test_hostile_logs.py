@@ -29,7 +29,7 @@ from adaptctl.identification.complete_rows import complete_rows
 from adaptctl.identification.log_files import read_log
 from adaptctl.logs import child, isolated
 from adaptctl.logs.foxglove import read_mcap
-from adaptctl.logs.lerobot import read_lerobot
+from adaptctl.logs.lerobot import _joints, read_lerobot
 from adaptctl.logs.parquet import FREE, MAX_RATIO, _validate_unpacked
 from adaptctl.logs.rerun_recording import _timeline
 from adaptctl.logs.ros_bag import joint_table, read_ros_bag
@@ -185,6 +185,11 @@ def test_data_sets_of_lerobot_are_read(pattern: str, place: str, tmp_path: Path)
     np.testing.assert_allclose(log.columns["position.elbow"], T, atol=1e-6)
     np.testing.assert_allclose(log.columns["effort.shoulder"], np.cos(T), atol=1e-6)
     assert len(complete_rows(log, ["position.elbow"], "time").notes) == 1
+
+
+@pytest.mark.parametrize(("shape", "count"), [([1], 1), ([3], 3), ([1000], 1000), ([1001], 0), ([0], 0), ([2, 2], 0)])
+def test_places_of_a_data_set_without_names_are_numbered_from_one(shape: list[int], count: int) -> None:
+    assert list(_joints({"dtype": "float32", "shape": shape})) == [str(i) for i in range(1, count + 1)]
 
 
 @pytest.mark.parametrize(

@@ -23,6 +23,7 @@ from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.gathering import gathered
 from adaptctl.identification.log_checks import checked_log
 from adaptctl.logs import on_disk, text, text_form
+from adaptctl.logs.arrow import numbers
 from adaptctl.logs.parquet import read_parquet
 from adaptctl.logs.table import LogTable, table
 from adaptctl.logs.text import read_delimited
@@ -152,6 +153,25 @@ def test_a_parquet_file_in_batches_is_that_of_all_rows(tmp_path: Path) -> None:
     pq.write_table(pa.table(columns), tmp_path / "log.parquet", row_group_size=130)
     found = by_batches(read_parquet, tmp_path / "log.parquet", "adaptctl.logs.parquet.read_arrow")
     assert_same(found, read_parquet(tmp_path / "log.parquet"))
+    np.testing.assert_array_equal(found.columns["t"], stamps - stamps[0])  # of which floats hold each
+    assert found.begin["t"] == stamps[0]
+    assert found.begin.keys() <= {"t", "date"}  # all others begin where their file says
+
+
+@pytest.mark.parametrize("kind", [pa.list_(pa.float64()), pa.large_list(pa.float64()), pa.list_(pa.float64(), 2)])
+def test_lists_of_any_kind_are_a_column_a_place(kind: pa.DataType) -> None:
+    found = {one.name: one.values.tolist() for one in numbers("p", pa.array([[1.0, 2.0], [3.0, 4.0]], kind))}
+    assert found == {"p[0]": [1.0, 3.0], "p[1]": [2.0, 4.0]}
+
+
+@pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
+def test_durations_and_moments_are_in_seconds(unit: str) -> None:
+    ticks = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}[unit]
+    (lasted,) = numbers("t", pa.array([ticks, 86400 * ticks], pa.duration(unit)))
+    (moment,) = numbers("t", pa.array([0, 86400 * ticks], pa.timestamp(unit)))
+    (day,) = numbers("t", pa.array([0, 1], pa.date32()))
+    assert (lasted.unit, lasted.values.tolist()) == ("s", [1.0, 86400.0])
+    assert (np.diff(moment.values), np.diff(day.values)) == (86400.0, 86400.0)
 
 
 def test_lists_that_get_longer_are_left_out_in_batches_too(tmp_path: Path) -> None:
