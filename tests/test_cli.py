@@ -162,6 +162,10 @@ DRIVE = ("drive", "mujoco", "two_link", "--robot", "two_link", "--duration", "1"
         (("sweep", "a.urdf", "--out", "a"), "unknown experiment or study 'a.urdf'; adaptive --robot a.urdf is one;"),
         (("sweep", "report"), "FOLDER is missing: results folder of a sweep. See adaptctl sweep report --help"),
         (("identify", "a.urdf", "log.csv"), "--robot is missing: write --robot a.urdf"),
+        (
+            ("identify", "a.csv", "--robot", "two_link", "--energy-differences", "0.1"),
+            "--energy-differences needs exactly one log",
+        ),
         ((*DRIVE, "--amplitude", "90"), "--amplitude: expected at most 3.2 rad (m), got 90: is it in deg?"),
         (
             ("experiment", "convert", "gone", "--to", "mcap"),
