@@ -73,8 +73,8 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
     forgetting : float, default 0.2
         Rate in 1/s at which the past fades while joints move. At 0.2 the time constant is 5 s.
     recall : float, default 10.0
-        Rate rho in 1/s of convergence to the stored information while a joint moves, at most 0.5 divided by the control
-        period. At 10 it is faster than arms move.
+        Rate rho in 1/s of convergence to the stored information while a joint moves, a hundredth of it at rest, at most
+        0.5 divided by the control period. At 10 it is faster than arms move.
     min_speed : array_like, default 0.05
         Speed in rad/s (m/s), one number or (r,), below which a joint's equation is not stored, since friction at rest
         says nothing of the model.

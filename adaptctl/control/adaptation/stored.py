@@ -8,11 +8,14 @@ from typing import Any, NamedTuple
 from adaptctl.arrays import Array
 from adaptctl.control.adaptation.law import Period
 from adaptctl.control.adaptation.recalled_step import Flow, recalled_step
-from adaptctl.scalars import Column, Scalar, where
+from adaptctl.scalars import Column, Scalar, maximum, where
 from adaptctl.scalars.scalar import Condition
 
 QUARANTINE = 0.3
 """s, mean time from a sample to the memory, so that a contact that is detected is forgotten"""
+RESTING = 0.01
+"""share of the recall at rest: with all of it a load and friction that one motion does not tell apart keep an arm off
+where it rests, and with none estimates drift under noise"""
 
 
 class Stored(NamedTuple):
@@ -38,8 +41,8 @@ class Stored(NamedTuple):
         quiet, stay, (forgetting, recall) = where(alarmed, 0.0, 1.0), 1.0 / (1.0 + period.period / QUARANTINE), rates
         moves, (old, pending) = quiet * counts, self.valid
         keep = 1.0 / (1.0 + (forgetting * period.dt) * moves)
-        # At rest nothing is recalled: there a load and friction, which one motion does not tell apart, differ.
-        return Flow(old * keep, pending * (quiet * (1.0 - stay)), pending * stay, (recall * period.dt) * moves)
+        recalled = (recall * period.dt) * (quiet * maximum(counts, RESTING))
+        return Flow(old * keep, pending * (quiet * (1.0 - stay)), pending * stay, recalled)
 
     def stepped(
         self, flow: Flow, units: Sequence[Column], torque: Column, shares: Column, at: tuple[Column, Column],
