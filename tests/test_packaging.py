@@ -31,8 +31,9 @@ ROOT = Path(__file__).resolve().parent.parent
 UNPACKED = (ROOT / "PKG-INFO").is_file()
 """Whether this is a source distribution, in which folders stand where links do in a checkout."""
 FOLDERS = ("adaptctl",) if UNPACKED else ("adaptctl", "envs", "experiments")
+MADE = {"_build", "__pycache__"}
 DOCUMENTS = sorted(
-    [*ROOT.glob("*.md"), *ROOT.glob("*.cff"), *(p for p in ROOT.glob("docs/**/*.*") if "_build" not in p.parts)]
+    [*ROOT.glob("*.md"), *ROOT.glob("*.cff"), *(p for p in ROOT.glob("docs/**/*.*") if MADE.isdisjoint(p.parts))]
 )
 PAGES = [path for path in DOCUMENTS if path.suffix == ".md"]
 PACKED = {".py", ".pyi", ".toml", ".xml", ".html", ".ll", ".jinja", ".typed", ".urdf", ".parquet", ".txt"}
