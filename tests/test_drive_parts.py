@@ -32,6 +32,7 @@ from adaptctl.hardware.acceleration import PossibleAcceleration
 from adaptctl.hardware.lead_in import beyond_limits, led_in
 from adaptctl.hardware.preparation import DEFAULT_SAMPLING_RATIO, hold_at
 from adaptctl.hardware.resting import MARGIN, StoppingDistance
+from adaptctl.hardware.robot import validate_posture
 from adaptctl.hardware.stop import PlannedStop
 from adaptctl.hardware.timing import BINS, LoopTimes
 from adaptctl.hardware.torque_guard import RATE_SHARE
@@ -348,3 +349,12 @@ def test_what_a_trossen_arm_adds_counts_once_it_has_told_of_any(trossen: MagicMo
     assert np.asarray(robot.compensation(reading)).tolist() == [0.0, 3.0]
     arm.compensation_efforts = [0.0, 0.0]
     assert np.asarray(robot.compensation(reading)).tolist() == [0.0, 0.0]
+
+
+def test_an_arm_may_stand_at_the_ends_of_its_range() -> None:
+    limits = HardwareLimits(np.ones(2), np.ones(2), np.array([-1.0, 0.0]), np.array([0.5, 2.0]), np.full(2, 100.0))
+    for p in (limits.lower, limits.upper):
+        validate_posture(p, ["a", "b"], limits)
+    for p, stands in (((0.0, -0.01), "-0.01"), ((0.0, 2.01), "2.01")):
+        with pytest.raises(adaptctl.InputError, match=f"b stands at {stands}, outside its range 0 to 2 rad"):
+            validate_posture(np.array(p), ["a", "b"], limits)

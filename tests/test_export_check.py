@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from adaptctl.cli.export import _lasting
 from adaptctl.cli.main import main
 from adaptctl.codegen import builds
 from adaptctl.codegen.builds import COMPILERS, Build, found_compilers
@@ -77,3 +78,8 @@ def test_without_a_compiler_it_says_so(
     assert f"not built: found none of these compilers: {', '.join(COMPILERS)}" in told.out
     assert re.search(r"initial RMS error \S+ mrad, final \S+ mrad$", told.out, re.MULTILINE)
     assert "up to 5 s" in told.err, "before it is waited for"
+
+
+@pytest.mark.parametrize(("parameters", "told"), [(5, "5 s"), (20, "10 s"), (36, "30 s"), (97, "4 minutes")])
+def test_a_check_takes_a_fortieth_of_a_second_a_square(parameters: int, told: str) -> None:
+    assert _lasting(parameters) == told
