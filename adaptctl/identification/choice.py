@@ -147,7 +147,7 @@ def _worst(evidence: LogEvidence, settings: FitSettings) -> int | None:
 
 def predicted_error(evidence: LogEvidence, settings: FitSettings) -> float:
     """Relative error of torques predicted on blocks left out, in five groups of neighbors; N and N m apart."""
-    judged = replace(settings, cutoff=evidence.band, slow=0.0, lasting=())
+    judged = settings.judging(evidence.band)
     squares, sizes = np.zeros((2, evidence.mechanism.dof))
     for fold in np.array_split(np.arange(evidence.blocks), NUM_FOLDS):
         rest = [b for b in range(evidence.blocks) if b not in fold]

@@ -62,9 +62,7 @@ def implausible_links(found: Mechanism, file: Mechanism) -> Iterator[str]:
 def poorly_predicted(evidence: LogEvidence, fit: Fit, judged: Validation) -> Iterator[str]:
     """Warning of rows held out that are predicted far worse than those fitted, or badly as these are."""
     errors, joints = judged.joint_relative_errors, evidence.mechanism.primary_joints
-    equations = evidence.equations(
-        replace(fit.settings, cutoff=judged.cutoff, slow=0.0, lasting=()), range(evidence.blocks)
-    )
+    equations = evidence.equations(fit.settings.judging(judged.cutoff), range(evidence.blocks))
     fitted = np.sqrt(equations.misfit(fit.x) / np.maximum(equations.square.sum(axis=0), np.finfo(float).tiny))
     kept = np.isin(np.arange(len(joints)), judged.left_out, invert=True)
     worse = np.flatnonzero(kept & (errors > CHANGED_RATIO * fitted) & (errors > CHANGED))

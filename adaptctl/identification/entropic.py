@@ -35,15 +35,20 @@ class EntropicPrior:
     scales: Array
 
     def __post_init__(self) -> None:
-        for i in np.flatnonzero(~(np.linalg.eigvalsh(self.matrices(self.tens.ravel()))[:, 0] > 0.0)).tolist():
+        for i in np.flatnonzero(~(np.linalg.eigvalsh(self.own)[:, 0] > 0.0)).tolist():
             raise InputError(
                 f"prior: the parameters of link {i + 1} are not physically consistent: {self.tens[i].tolist()}"
             )
 
     @cached_property
+    def own(self) -> Array:
+        """Pseudo-inertias (N, 4, 4) of the prior."""
+        return self.matrices(self.tens.ravel())
+
+    @cached_property
     def inverses(self) -> Array:
         """Inverses (N, 4, 4) of the prior's pseudo-inertias."""
-        return np.asarray(np.linalg.inv(self.matrices(self.tens.ravel())), dtype=np.float64)
+        return np.asarray(np.linalg.inv(self.own), dtype=np.float64)
 
     @property
     def is_placeholder(self) -> bool:
@@ -95,7 +100,7 @@ class EntropicPrior:
     def hold(self, x: Array, weight: float) -> Array:
         """Curvature (P, P) of the links' divergence without its barrier: what pulls them to the prior from afar."""
         # The barrier is stiff where a fit is at the edge of the cone, which says nothing of where the truth is.
-        roots = np.linalg.cholesky(self.matrices(self.tens.ravel()))
+        roots = np.linalg.cholesky(self.own)
         inner = np.linalg.inv(roots)
         ratios, axes = np.linalg.eigh(inner @ self.matrices(x) @ inner.mT)
         clear = roots @ (axes * np.maximum(ratios, 1.0)[:, None]) @ axes.mT @ roots.mT

@@ -49,6 +49,10 @@ class FitSettings:
     untold: tuple[str, ...] = ()
     lasting: tuple[float, ...] = ()
 
+    def judging(self, cutoff: float) -> FitSettings:
+        """Settings by which a fit is judged: all rows of a cut-off, as they are."""
+        return replace(self, cutoff=cutoff, slow=0.0, lasting=())
+
     def columns(self, mechanism: Mechanism) -> Array:
         """Mask (P,) of the parameters: links', and those of the friction model in the drives of joints that count."""
         mask = self.friction.columns(mechanism)
