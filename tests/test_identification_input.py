@@ -410,7 +410,10 @@ def test_the_command_says_what_it_needs(tmp_path: Path, capsys: pytest.CaptureFi
         (["log.csv"], "--robot is missing: give a robot file, or try the example: adaptctl identify tx40"),
         (["log.csv", "--robot", "puma560_measured"], "log.csv: does not exist"),
         (["tx40", "--columns", "position", "--out", str(tmp_path / "out")], "--columns: expected WHAT=NAME, such as"),
-        (["tx40", "--payload", "1.0"], "--payload: expected LOG=LINK, such as loaded.csv=tool0, got '1.0'"),
+        (
+            ["tx40", "--payload", "1.0", "--out", str(tmp_path / "out")],
+            "--payload: expected LOG=LINK, such as loaded.csv=tool0, got '1.0'",
+        ),
         (["tx40", "--friction", "glue", "--out", str(tmp_path / "out")], "friction: expected some of viscous"),
         (["tx40", "--skip-steps", "thinking", "--out", str(tmp_path / "out")], "skip_steps: expected resample, unwrap"),
     ):
