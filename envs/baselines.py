@@ -68,6 +68,7 @@ def _laws(env: TrackingEnv) -> dict[str, Controller[Any]]:
         initial_error=off,
         bandwidth=BANDWIDTH,
         sampling_ratio=SAMPLING_RATIO,
+        nominal_only=True,
     )
     model = ReducedModel(mechanism)
     damping = tuning.gains.damping

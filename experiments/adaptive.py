@@ -245,6 +245,7 @@ def _tuned(experiment: AdaptiveTracking, mechanism: Mechanism) -> Tuning:
         "adaptation_ratio": experiment.adaptation_ratio,
         "search": experiment.search,
         "seed": experiment.seed,
+        "nominal_only": True,
     }
     tuning = tune(mechanism, **chosen)
     if not experiment.in_mujoco or not isinstance(drawn := tuning.reference, Sinusoids):

@@ -122,7 +122,7 @@ class Contact(Learning):
     @cached_property
     def tuning(self) -> Tuning:
         """Gains for the arm as its file has it."""
-        return tune(self.arm, control_period=self.control_period, seed=self.seed)
+        return tune(self.arm, control_period=self.control_period, seed=self.seed, nominal_only=True)
 
     def mechanism(self) -> Mechanism:
         """Arm with the load, a point mass at the tool."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import astuple, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,7 @@ from adaptctl.errors import InputError, SimplificationWarning
 from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation import LinearlyImplicitEuler, Plant, simulate_many
 from adaptctl.simulation.closed_loop import ClosedLoop
+from adaptctl.simulation.effects.actuators import ControlDelay
 from adaptctl.tuning import Tuning, tune
 from adaptctl.tuning.default_gains import DefaultGains, achieved_adaptation_ratio
 from adaptctl.tuning.feasible_gains import feasible_gains
@@ -50,6 +51,20 @@ def test_it_learns_as_described_and_late_and_with_other_links(name: str) -> None
         assert run.is_learning, run
         assert run.final_rms_error < 2e-3
     assert tuning.is_learning
+
+
+def test_the_nominal_run_alone_changes_no_choice() -> None:
+    all_runs, alone = (tune(load("two_link"), nominal_only=only) for only in (False, True))
+    numbers, expected = (astuple(found.verified[0])[1:-1] for found in (alone, all_runs))
+    assert len(alone.verified) == 1
+    assert numbers == pytest.approx(expected, rel=1e-12)
+    assert alone.notes == all_runs.notes
+    np.testing.assert_array_equal(alone.gains.damping, all_runs.gains.damping)
+    np.testing.assert_array_equal(alone.adaptation, all_runs.adaptation)
+
+
+def test_stated_effects_are_judged_by_all_runs() -> None:
+    assert len(tune(load("two_link"), effects=[ControlDelay(1)], nominal_only=True).verified) == 4
 
 
 def test_the_reference_stays_within_the_torque_limits(tuned: Tuning) -> None:

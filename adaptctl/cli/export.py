@@ -101,7 +101,7 @@ def export(
     if check:
         compiled = " and compiles the code with each C compiler found" if language == "c" else ""
         print_note(f"--check simulates 600 s{compiled}: up to {_lasting(len(model.columns))} on a quiet machine")
-    tuning = tune(mechanism, control_period=control_period, bandwidth=bandwidth)
+    tuning = tune(mechanism, control_period=control_period, bandwidth=bandwidth, nominal_only=True)
     if not anyway:
         tuning.validate_learning("--anyway")
     named = law or DEFAULT_LAWS[scalar]

@@ -103,4 +103,4 @@ def robot_name(robot: str) -> str:
 def scene_of(robot: str, control_period: float) -> Scene:
     """Arm with friction parameters, tuned by the one rule that all laws share."""
     mechanism = with_friction(loaded(robot))
-    return Scene(mechanism, tune(mechanism, control_period=control_period), base_model(mechanism))
+    return Scene(mechanism, tune(mechanism, control_period=control_period, nominal_only=True), base_model(mechanism))

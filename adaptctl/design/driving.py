@@ -64,7 +64,7 @@ def driven(
     few = min(NUM_COMPONENTS, whole) if components is None else components
     count = whole_number(few, f"components of {mechanism.name}", 1, whole)
     positive_number(duration, "duration: expected a positive number of s")
-    tuning = tune(mechanism, control_period=control_period, seed=seed)
+    tuning = tune(mechanism, control_period=control_period, seed=seed, nominal_only=True)
     arms, runs = (("before", study.task), ("after", study.counterweights.balanced_task)), list[DrivenArm]()
     for when, task in arms:
         plant = Plant(task.mechanism, tuning.control_period, tuning.substeps, tuning.integrator, tuning.torque_limits)

@@ -97,7 +97,7 @@ def adaptive_controller(
     whole_number(delay, "delay in control periods", 0, MAX_DELAY)
     given: dict[str, Any] = {"control_period": control_period, "reference": reference, "sampling_ratio": sampling_ratio}
     late = (ControlDelay(delay),) if delay else ()
-    tuning = tune(mechanism, **given, seed=seed, effects=(*listed(effects), *late))
+    tuning = tune(mechanism, **given, seed=seed, effects=(*listed(effects), *late), nominal_only=True)
     for note in tuning.notes:
         warnings.warn(f"{mechanism.name}: {note}", TuningWarning, stacklevel=2)
     model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism, seed=seed)))

@@ -96,7 +96,7 @@ class Tuning:
     limited_by : tuple of str
         Limit of each joint's gains in words, r of them, such as the sampling or the torque.
     verified : tuple of Verification
-        Results of simulated runs with these gains; empty for a mechanism of more than 100 links.
+        Results of simulated runs with these gains, the nominal one first; empty for a mechanism of more than 100 links.
     notes : tuple of str
         Sentences for the user, such as on a load beyond the torque limits.
     effects : tuple of Effect
@@ -281,6 +281,7 @@ def tune(
     search: int = 0,
     seed: int = 0,
     effects: Iterable[Effect] = (),
+    nominal_only: bool = False,
 ) -> Tuning:
     """
     Choose a reference and gains for a robot and verify them in closed loop.
@@ -314,6 +315,9 @@ def tune(
         What the robot is known to have, such as `ControlDelay(2)`, `Encoder(resolution)` with `FilteredDifferences`,
         or `ElasticJoints`. The verified runs have these, and gains are lowered until they hold; the law is told of a
         delay. Default: torques on time, exact measurements and rigid joints.
+    nominal_only : bool, default False
+        True to verify by the nominal run alone, which takes a quarter of the time, unless there are effects. By
+        default also with a delay and with other links, which tells margins but changes no choice.
 
     Returns
     -------
@@ -347,7 +351,7 @@ def tune(
     asked = asked.lowered(late_share(delay_of(effects)), rule.control_period)
     first, limits = rule.proposed(*asked, "mixed"), rule.limits
     plant = plant_with(mechanism, rule.control_period, limits, effects)
-    trials = Trials(plant, rule.reference, rule.initial_error)
+    trials = Trials(plant, rule.reference, rule.initial_error, nominal_only and not effects)
     first = _searched(trials, rule, first, search, seed) if search and trials.possible else first
     model = base_model(mechanism) if trials.possible else None
     found = Held(first, ()) if model is None else held(trials, model, rule, asked, first, seed)
