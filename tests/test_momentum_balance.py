@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from synthetic_logs import known, motion
 
 from adaptctl.arrays import Array
@@ -26,6 +27,18 @@ def test_native_code_gives_the_regressor_of_numpy_and_of_accelerations() -> None
     np.testing.assert_allclose(found.whole, whole, rtol=1e-6, atol=1e-6 * np.abs(whole).max())
     x: Array = np.asarray(np.random.default_rng(2).normal(size=whole.shape[-1]))
     np.testing.assert_allclose(found.torques(x), found.whole @ x, rtol=1e-11, atol=1e-11)
+
+
+@pytest.mark.parametrize("many", [False, True])
+def test_torques_of_known_parameters_are_those_of_the_regressor(many: bool) -> None:
+    case, rate = known(3), 1000.0
+    mechanism = case.truth
+    _, p, v, _ = motion(mechanism.dof, np.random.default_rng(1), 0.2, rate)
+    known_torques = MomentumBalance(mechanism, many, known=True)
+    known_torques.at(p[:9], v[:9], rate)
+    told = MomentumBalance(mechanism).at(p, v, rate).torques(mechanism.inertial_parameters)
+    found = known_torques.at(p, v, rate).torques(np.ones(1))
+    np.testing.assert_allclose(found, told, rtol=1e-11, atol=1e-11 * np.abs(told).max())
 
 
 def test_sums_are_those_of_the_rows_that_a_mask_has() -> None:

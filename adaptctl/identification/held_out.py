@@ -44,7 +44,7 @@ class HeldOut:
 
     def _predicted(self, mechanism: Mechanism, cutoffs: Collection[float]) -> dict[float, Array]:
         """Torques (n, r) by cut-off, from one pass over each motion."""
-        balance = MomentumBalance(mechanism)
+        balance = MomentumBalance(mechanism, known=True)
         parts: dict[float, list[Array]] = {cutoff: [] for cutoff in cutoffs}
         for motion in self.evidence.motions:
             times = {c: self.evidence.rows[c].time[self.evidence.rows[c].log == motion.number] for c in cutoffs}
@@ -56,7 +56,7 @@ class HeldOut:
 def _predicted(
     motion: SmoothMotion, times: Mapping[float, Array], balance: MomentumBalance
 ) -> Iterator[tuple[float, Array]]:
-    """Cut-offs with the torques (n, r) that a robot's own regressor gives at rows of a motion, by the rows' times."""
+    """Cut-offs with the torques (n, r) that a robot's own momenta give at rows of a motion, by the rows' times."""
     if not times:
         return
     filters = [RowFilter.of(motion, cutoff) for cutoff in times]
@@ -67,4 +67,4 @@ def _predicted(
     part = replace(motion, first=place, position=motion.position[skipped:], velocity=motion.velocity[skipped:])
     found = part.filtered_regressors(balance, filters)
     for f, k, packed, (cutoff, own) in zip(filters, first, found, times.items(), strict=True):
-        yield cutoff, packed.torques(balance.mechanism.inertial_parameters)[k - skipped // f.every :][: len(own)]
+        yield cutoff, packed.torques(np.ones(1))[k - skipped // f.every :][: len(own)]

@@ -14,7 +14,7 @@ from adaptctl.caching import cached_property
 from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.array_equations import COMPILE_AFTER_STATES, is_long
-from adaptctl.dynamics.recursion.energy import momentum_terms
+from adaptctl.dynamics.recursion.energy import known_momentum_terms, momentum_terms
 from adaptctl.errors import AdaptctlError
 from adaptctl.identification.preparation import DIFFERENCE, DIFFERENCE_MARGIN
 from adaptctl.scalars import Column, column
@@ -56,10 +56,14 @@ class PackedRegressor(NamedTuple):
 
 @dataclass(eq=False)
 class MomentumBalance:
-    """Regressor of a mechanism's torques by its momenta, by native code for many samples, or once there were many."""
+    """
+    Regressor of a mechanism's torques by its momenta, by native code for many samples, or once there were many; of its
+    known parameters, their torques as the only column.
+    """
 
     mechanism: Mechanism
     many: bool = False
+    known: bool = False
     _states: int = field(default=0, init=False)
     _entries: NDArray[np.intp] | None = field(default=None, init=False)
 
@@ -86,11 +90,15 @@ class MomentumBalance:
 
     @property
     def _columns(self) -> range:
-        return range(len(self.mechanism.parameter_names))
+        return range(1 if self.known else len(self.mechanism.parameter_names))
 
     def _terms(self, q: Column, v: Column) -> list[list[Any]]:
         """All entries of the regressors of momenta and forces."""
-        terms = momentum_terms(self.mechanism.equations, q, v, self._columns)
+        mechanism = self.mechanism
+        if self.known:
+            terms = known_momentum_terms(mechanism.equations, q, v, column(mechanism.inertial_parameters))
+        else:
+            terms = momentum_terms(mechanism.equations, q, v, self._columns)
         return [[entry for row in rows for entry in row] for rows in terms]
 
     def _in_numpy(self, q: Array, velocity: Array, rate: float) -> Array:
