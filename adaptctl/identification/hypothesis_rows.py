@@ -19,6 +19,7 @@ from adaptctl.identification.filtered_dynamics import MIN_ROWS, ROWS_PER_PERIOD,
 from adaptctl.identification.fit import FitSettings, LogEvidence
 from adaptctl.identification.friction_model import SIMPLE_FRICTION
 from adaptctl.identification.least_squares import weighted_least_squares
+from adaptctl.identification.momentum_balance import PackedRegressor
 from adaptctl.identification.normal_equations import NormalEquations
 from adaptctl.identification.payloads import without_payloads
 from adaptctl.identification.preparation import PreparationStep, derivative, filtered
@@ -86,6 +87,11 @@ class HypothesisRows:
         return without_payloads(rows, self.windows, mechanism, self.evidence.drives)
 
     @cached_property
+    def packed(self) -> PackedRegressor:
+        """Regressor of the log as it is."""
+        return PackedRegressor.of(self.rows.regressor)
+
+    @cached_property
     def used(self) -> NDArray[np.bool_]:
         """Mask (n, r) of the joints' rows that count."""
         fast = np.abs(self.rows.velocity) >= SLOW * np.abs(self.velocity).max(axis=0)
@@ -105,9 +111,10 @@ class HypothesisRows:
         """Values (M, ...) at all instants through the filter: (n, ...) at rows."""
         return np.concatenate([f.signal(part) for _, f, part in self._parts(values)])
 
-    def regressor(self, mechanism: Mechanism, position: Array, velocity: Array, acceleration: Array) -> Array:
+    def regressor(self, mechanism: Mechanism, position: Array, velocity: Array, acceleration: Array) -> PackedRegressor:
         """Regressor (n, r, P) of another motion of the joints, or of another mechanism."""
-        return self.filtered(mechanism.torque_regressor(position, velocity, acceleration))
+        packed = PackedRegressor.of(mechanism.torque_regressor(position, velocity, acceleration))
+        return packed._replace(values=self.filtered(packed.values))
 
     def _parts(self, values: Array) -> Iterator[tuple[SmoothMotion, RowFilter, Array]]:
         ends = np.cumsum([0, *(len(motion.position) for motion in self.windows)]).tolist()
@@ -129,24 +136,31 @@ class HypothesisRows:
         square = np.einsum("ij,ik,ijk->i", mixing, mixing, self._squares)
         return NormalEquations(normal[None], moment[None], square[None], self.used.sum(axis=0)[None].astype(np.float64))
 
-    def products(self, regressor: Array) -> MotionProducts:
-        """Products of a motion's rows (n, r, P)."""
-        own = np.ascontiguousarray((regressor * self.used[..., None]).transpose(1, 2, 0))
-        return MotionProducts(own @ own.mT, (own @ self.rows.torque).mT)
+    def products(self, regressor: PackedRegressor) -> MotionProducts:
+        """Products of a motion's rows."""
+        joints, parameters = regressor.shape
+        found = MotionProducts(np.zeros((joints, parameters, parameters)), np.zeros((joints, joints, parameters)))
+        for j in range(joints):
+            columns, values = regressor.joint(j)
+            own = values * self.used[:, j, None]
+            found.normal[j][np.ix_(columns, columns)] = own.T @ own
+            found.moments[j][:, columns] = self.rows.torque.T @ own
+        return found
 
     @cached_property
     def _products(self) -> MotionProducts:
-        return self.products(self.rows.regressor)
+        return self.products(self.packed)
 
     @cached_property
     def _squares(self) -> Array:
         """Products (r, r, r) of all torques, in each joint's rows."""
         return np.asarray(np.einsum("nj,nk,ni->ijk", self.rows.torque, self.rows.torque, self.used.astype(np.float64)))
 
-    def sums(self, regressor: Array, torque: Array) -> NormalEquations:
+    def sums(self, regressor: PackedRegressor, torque: Array) -> NormalEquations:
         """Normal equations of a regressor and torques."""
-        rows = replace(self.rows, regressor=regressor, torque=torque)
-        return NormalEquations.of(rows, np.zeros(len(rows), dtype=np.int64), 1, self.used)
+        found = NormalEquations.zero(1, *regressor.shape)
+        found.add(regressor, torque, np.zeros(len(torque), dtype=np.int64), self.used)
+        return found
 
     def later(self, delay: float) -> NormalEquations:
         """Normal equations of the motion as it is and the torques of a delay (s) later."""
@@ -155,7 +169,7 @@ class HypothesisRows:
         for motion in self.windows:
             here = rows.log == motion.number
             torque[here] += motion.later(rows.cutoff, rows.time[here], delay)[0]
-        return self.sums(rows.regressor, torque)
+        return self.sums(self.packed, torque)
 
     def least(self, equations: NormalEquations) -> tuple[Array, Array]:
         """Parameters (P,) and deviations (r,) by least squares; further columns than the mechanism's are free."""

@@ -24,12 +24,16 @@ WEIGHTING_ROUNDS = 3
 
 def least_squares(A: Array, b: Array, columns: NDArray[np.int64]) -> Array:
     """Parameters (P,) that minimise x^T A x/2 - b^T x over some columns, the others zero."""
-    own, wanted = A[np.ix_(columns, columns)], b[columns]
-    size = np.sqrt(np.diag(own))
-    size[size == 0.0] = 1.0
     x = np.zeros(len(b))
-    x[columns] = _solution(own / np.outer(size, size), wanted / size) / size
+    x[columns] = _scaled_solution(A[np.ix_(columns, columns)], b[columns])
     return x
+
+
+def _scaled_solution(A: Array, b: Array) -> Array:
+    """Solution (c,) of normal equations, whose columns are scaled to a diagonal of ones before."""
+    size = np.sqrt(np.diag(A))
+    size[size == 0.0] = 1.0
+    return _solution(A / np.outer(size, size), b / size) / size
 
 
 def _solution(scaled: Array, wanted: Array) -> Array:
@@ -44,13 +48,14 @@ def _solution(scaled: Array, wanted: Array) -> Array:
 
 def weighted_least_squares(equations: NormalEquations, columns: NDArray[np.int64]) -> tuple[Array, Array]:
     """Parameters (P,) and residual deviations (r,) of joints, weighted by their inverse squares (Gautier 1997)."""
-    count = np.maximum(equations.count.sum(axis=0), 1.0)
-    deviations = np.sqrt(equations.square.sum(axis=0) / count)
+    x, own = np.zeros(equations.moment.shape[-1]), equations.of_columns(columns)
+    count = np.maximum(own.count[0], 1.0)
+    deviations = np.sqrt(own.square[0] / count)
     deviations = np.where(deviations > 0.0, deviations, max(float(deviations.max()), 1.0))
-    x, least = np.zeros(equations.moment.shape[-1]), 1e-6 * deviations
+    least = 1e-6 * deviations
     for _ in range(WEIGHTING_ROUNDS):
-        x = least_squares(*equations.whitened(deviations), columns)
-        deviations = np.maximum(np.sqrt(equations.misfit(x) / count), least)
+        x[columns] = _scaled_solution(*own.whitened(deviations))
+        deviations = np.maximum(np.sqrt(own.misfit(x[columns]) / count), least)
     return x, deviations
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import partial, reduce
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from adaptctl.caching import cached_property
 from adaptctl.dynamics import Mechanism
 from adaptctl.identification.delay import Delay
 from adaptctl.identification.hypothesis_rows import HypothesisRows, MotionProducts, relative_error
+from adaptctl.identification.momentum_balance import PackedRegressor
 from adaptctl.identification.normal_equations import NormalEquations
 from adaptctl.logs.units import POSITION
 
@@ -68,7 +70,7 @@ def _mixing(rows: HypothesisRows, change: Array) -> Array:
     return np.asarray(T.T @ (change * np.outer(k, 1.0 / k)) @ np.linalg.inv(T.T))
 
 
-def _moved(rows: HypothesisRows, change: Array, shift: Array | float = 0.0) -> Array:
+def _moved(rows: HypothesisRows, change: Array, shift: Array | float = 0.0) -> PackedRegressor:
     """Regressor of the motion whose motors' positions are changed by a matrix, and joints' by a shift (r,)."""
     drives = rows.evidence.drives
     D = np.linalg.inv(drives.transmission) @ change @ drives.transmission
@@ -161,13 +163,13 @@ def _zeros(rows: HypothesisRows) -> Iterator[Hypothesis]:
 
 def _zero(rows: HypothesisRows, joint: Array) -> float:
     """Angle (rad) or distance (m) that a joint is off by, near 0, by Gauss-Newton steps of least squares."""
-    shift = 0.0
+    shift, torque = 0.0, rows.rows.torque
     for _ in range(ZERO_ROUNDS):
         Y, near = (_moved(rows, np.eye(len(joint)), a * joint) for a in (shift, shift + ZERO_STEP))
-        x, _ = rows.least(rows.sums(Y, rows.rows.torque))
-        column = ((near - Y) @ x)[..., None] / ZERO_STEP
-        equations = rows.sums(np.concatenate([Y, column], axis=-1), rows.rows.torque)
-        shift += float(np.clip(rows.least(equations)[0][-1], -0.5, 0.5))
+        x, _ = rows.least(rows.sums(Y, torque))
+        column = (near.torques(x) - Y.torques(x))[..., None] / ZERO_STEP
+        x, _ = rows.least(rows.sums(Y.beside(column), torque))
+        shift += float(np.clip(x[-1], -0.5, 0.5))
     return shift
 
 
@@ -184,19 +186,20 @@ def _gravities(rows: HypothesisRows) -> Iterator[Hypothesis]:
     mechanism, still = rows.evidence.mechanism, np.zeros_like(rows.position)
     file = mechanism.description.gravity
     size = float(np.linalg.norm(file)) or GRAVITY
-    none = rows.regressor(_under(mechanism, np.zeros(3)), rows.position, rows.velocity, rows.acceleration)
-    along = np.stack([rows.regressor(_under(mechanism, e), rows.position, still, still) for e in np.eye(3)])
-    for axis in range(3):  # friction at rest is no gravity
-        along[axis, ..., mechanism.num_energy_parameters :] = 0.0
+    pull = _Pull.of(
+        rows.regressor(_under(mechanism, np.zeros(3)), rows.position, rows.velocity, rows.acceleration),
+        [rows.regressor(_under(mechanism, e), rows.position, still, still) for e in np.eye(3)],
+        mechanism.num_energy_parameters,
+    )
     directions = [size * sign * e for e in np.eye(3) for sign in (1.0, -1.0)]
     turned = [g for g in directions if not np.allclose(g, file, atol=0.1 * size)]
-    tilted = _tilted(rows, none, along, [file if file.any() else directions[-1], *turned])
+    tilted = _tilted(rows, pull, [file if file.any() else directions[-1], *turned])
     for gravity in (*turned, tilted):
         yield Hypothesis(
             "gravity turned",
             f"gravity is along {_listed(gravity)} m/s^2 in the base frame, not {_listed(file)}",
             "turn the base in the robot file as the robot is mounted",
-            partial(_pulled, rows, none, along, gravity),
+            partial(_pulled, rows, pull, gravity),
             refuses=not gravity @ file > np.cos(SMALL_ANGLE) * size**2,
         )
     if file.any():
@@ -204,7 +207,7 @@ def _gravities(rows: HypothesisRows) -> Iterator[Hypothesis]:
             "gravity absent",
             "the torques are without gravity's: the log is of a gravity-compensated torque, or of no gravity",
             "add the torque that compensates gravity, or give the robot file a gravity of 0",
-            partial(rows.sums, none, rows.rows.torque),
+            partial(rows.sums, pull.none, rows.rows.torque),
         )
 
 
@@ -212,20 +215,42 @@ def _listed(vector: Array) -> str:
     return f"({', '.join(f'{x + 0.0:.3g}' for x in vector.round(3))})"
 
 
-def _pulled(rows: HypothesisRows, none: Array, along: Array, gravity: Array) -> NormalEquations:
-    return rows.sums(none + np.tensordot(gravity, along, axes=1), rows.rows.torque)
+class _Pull(NamedTuple):
+    """Regressor without gravity, and what each component (3, n, K) of gravity adds to its entries."""
+
+    none: PackedRegressor
+    along: Array
+
+    @classmethod
+    def of(cls, none: PackedRegressor, pulled: Sequence[PackedRegressor], parameters: int) -> _Pull:
+        """Regressors at rest under unit gravity, of which those of parameters from some index on are no gravity."""
+        entries = reduce(np.union1d, [one.entries for one in pulled], none.entries)
+        along = np.stack([one.spread(entries).values for one in pulled])
+        along[..., entries % none.shape[1] >= parameters] = 0.0  # friction at rest
+        return cls(none.spread(entries), along)
+
+    def by(self, gravity: Array) -> PackedRegressor:
+        """Regressor under some gravity (3,)."""
+        return self.none._replace(values=self.none.values + np.tensordot(gravity, self.along, axes=1))
+
+    def across(self, directions: Array, x: Array) -> Array:
+        """Torques (n, r, k) of parameters by a unit of gravity in each of some directions (k, 3)."""
+        each = [self.none._replace(values=np.tensordot(e, self.along, axes=1)).torques(x) for e in directions]
+        return np.stack(each, axis=-1)
 
 
-def _tilted(rows: HypothesisRows, none: Array, along: Array, starts: Sequence[Array]) -> Array:
+def _pulled(rows: HypothesisRows, pull: _Pull, gravity: Array) -> NormalEquations:
+    return rows.sums(pull.by(gravity), rows.rows.torque)
+
+
+def _tilted(rows: HypothesisRows, pull: _Pull, starts: Sequence[Array]) -> Array:
     """Gravity (3,) at which least squares fits best, by Gauss-Newton steps from the best of some of the same size."""
-    sums = partial(_pulled, rows, none, along)
-    gravity = min(starts, key=lambda g: relative_error(sums(g), rows.least(sums(g))[0]))
+    sums = partial(_pulled, rows, pull)
+    gravity = min(starts, key=lambda g: relative_error(own := sums(g), rows.least(own)[0]))
     for _ in range(TILT_ROUNDS):
         x, _ = rows.least(sums(gravity))
         across = np.linalg.svd(gravity[None])[2][1:]
-        columns = np.moveaxis(np.tensordot(across, along @ x, axes=1), 0, -1)
-        pulled = none + np.tensordot(gravity, along, axes=1)
-        equations = rows.sums(np.concatenate([pulled, columns], axis=-1), rows.rows.torque)
+        equations = rows.sums(pull.by(gravity).beside(pull.across(across, x)), rows.rows.torque)
         moved = gravity + rows.least(equations)[0][-2:] @ across
         gravity = moved * np.linalg.norm(gravity) / np.linalg.norm(moved)
     return np.asarray(gravity)
@@ -259,7 +284,7 @@ def _scaled_error(rows: HypothesisRows, j: int, factor: float) -> float:
 
 def _beside(rows: HypothesisRows, columns: Array) -> NormalEquations:
     """Equations with further columns (n, r, k)."""
-    return rows.sums(np.concatenate([rows.rows.regressor, columns], axis=-1), rows.rows.torque)
+    return rows.sums(rows.packed.beside(columns), rows.rows.torque)
 
 
 def _springs(rows: HypothesisRows) -> Iterator[Hypothesis]:

@@ -43,6 +43,22 @@ class PackedRegressor(NamedTuple):
         regressor[:, self.entries] = self.values
         return regressor.reshape(-1, *self.shape)
 
+    def spread(self, entries: NDArray[np.intp]) -> PackedRegressor:
+        """Regressor as more entries than are not 0."""
+        values = np.zeros((len(self.values), len(entries)))
+        values[:, np.searchsorted(entries, self.entries)] = self.values
+        return PackedRegressor(values, entries, self.shape)
+
+    def beside(self, columns: Array) -> PackedRegressor:
+        """Regressor (n, r, P + k) with further columns (n, r, k)."""
+        (joints, own), more = self.shape, columns.shape[2]
+        width = own + more
+        added = (np.arange(joints)[:, None] * width + own + np.arange(more)).ravel()
+        entries = np.concatenate([self.entries // own * width + self.entries % own, added])
+        order = np.argsort(entries)
+        values = np.concatenate([self.values, columns.reshape(len(columns), -1)], axis=1)
+        return PackedRegressor(values[:, order], entries[order], (joints, width))
+
     def joint(self, j: int) -> tuple[NDArray[np.intp], Array]:
         """Indices (k,) of the parameters that a joint's torque depends on, and its rows (n, k)."""
         first, last = np.searchsorted(self.entries, [j * self.shape[1], (j + 1) * self.shape[1]]).tolist()

@@ -58,6 +58,16 @@ class NormalEquations:
         chosen[np.asarray(blocks, dtype=np.int64)] = 1.0
         return NormalEquations(*(np.tensordot(chosen, part, 1)[None] for part in self._parts))
 
+    @property
+    def whole(self) -> NormalEquations:
+        """Normal equations of one block: the sums over all."""
+        return self if len(self.count) == 1 else self.over(range(len(self.count)))
+
+    def of_columns(self, columns: NDArray[np.int64]) -> NormalEquations:
+        """Normal equations of one block, the sums over all, of some columns (c,) alone."""
+        normal, moment, square, count = self.whole._parts
+        return NormalEquations(normal[..., columns[:, None], columns], moment[..., columns], square, count)
+
     def chosen(self, blocks: NDArray[np.int64] | Sequence[int]) -> NormalEquations:
         """Normal equations of some blocks."""
         which = np.asarray(blocks, dtype=np.int64)
@@ -82,13 +92,14 @@ class NormalEquations:
 
     def whitened(self, deviations: Array) -> tuple[Array, Array]:
         """Normal matrix (P, P) and moment (P,), each joint's equations divided by its deviation."""
-        weight = 1.0 / deviations**2
-        return np.einsum("brij,r->ij", self.normal, weight), np.einsum("bri,r->i", self.moment, weight)
+        weight, whole = 1.0 / deviations**2, self.whole
+        return np.tensordot(weight, whole.normal[0], 1), weight @ whole.moment[0]
 
     def misfit(self, x: Array) -> Array:
         """Sums (r,) of squared torque residuals of parameters (P,)."""
-        normal, moment = self.normal.sum(axis=0), self.moment.sum(axis=0)
-        return np.maximum(self.square.sum(axis=0) - 2.0 * moment @ x + (normal @ x) @ x, 0.0)
+        whole = self.whole
+        left = (whole.normal[0] @ x - 2.0 * whole.moment[0]) @ x
+        return np.maximum(whole.square[0] + left, 0.0)
 
 
 def block_edges(log: NDArray[np.int64], time: Array, count: int) -> list[tuple[int, float]]:
