@@ -17,7 +17,7 @@ from adaptctl.description.pose import Pose
 from adaptctl.description.visual import Box, Visual
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.inverse_kinematics import Tip
-from adaptctl.envs.task import control_period_of
+from adaptctl.envs.task import LOOK_AHEAD, control_period_of
 from adaptctl.envs.tracking import TrackingEnv
 from adaptctl.errors import InputError
 from adaptctl.optional_packages import needed
@@ -122,9 +122,8 @@ class ContactEnv(TrackingEnv):
         given: Any = {"torque_limits": limits, "model": model, "body": body, "pushes": at_tool}
         plant = MuJoCoPlant(arm, control_period_of(control_period), **given)
         self.surroundings = surroundings_of(scene)
-        self._set_task(
-            plant, joint_path(arm, duration, scene), duration, error_bound=error_bound, render_mode=render_mode
-        )
+        path = joint_path(arm, duration, scene)
+        self._set_task(plant, path, duration, LOOK_AHEAD, error_bound, None, 0.0, render_mode)
 
 
 def validate_scene(scene: object) -> None:

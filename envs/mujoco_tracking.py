@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from adaptctl.control.gains.gains import torque_limits as own_limits
 from adaptctl.dynamics import Mechanism
 from adaptctl.envs.random_reference import Trajectory
-from adaptctl.envs.task import RewardWeights, control_period_of, validate_reference
+from adaptctl.envs.task import LOOK_AHEAD, RewardWeights, control_period_of, validate_reference
 from adaptctl.envs.tracking import TrackingEnv
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant, as_mujoco, warn_of_contacts
 
@@ -84,7 +84,7 @@ class MuJoCoTrackingEnv(TrackingEnv):
         servos_off: bool = False,
         duration: float = 20.0,
         control_period: float = 1e-3,
-        look_ahead: Sequence[float] = (0.05, 0.2),
+        look_ahead: Sequence[float] = LOOK_AHEAD,
         error_bound: ArrayLike = 1.0,
         reward_weights: RewardWeights | None = None,
         initial_error: ArrayLike = 0.0,

@@ -28,6 +28,9 @@ from adaptctl.scalars import Column, Scalar, absolute, where
 from adaptctl.simulation.period import PlantState
 from adaptctl.simulation.references import Preview, validate_point
 
+LOOK_AHEAD = (0.05, 0.2)
+"""s at which a reference ahead is observed, unless others are given"""
+
 
 @dataclass(frozen=True)
 class RewardWeights:

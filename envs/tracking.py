@@ -19,6 +19,7 @@ from adaptctl.control.gains.gains import torque_limits as own_limits
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs.random_reference import Trajectory, drawn
 from adaptctl.envs.task import (
+    LOOK_AHEAD,
     Judgement,
     RewardWeights,
     RunningEpisode,
@@ -181,7 +182,7 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         control_period: float = 1e-3,
         substeps: int | None = None,
         integrator: Integrator | None = None,
-        look_ahead: Sequence[float] = (0.05, 0.2),
+        look_ahead: Sequence[float] = LOOK_AHEAD,
         error_bound: ArrayLike = 1.0,
         reward_weights: RewardWeights | None = None,
         initial_error: ArrayLike = 0.0,
@@ -202,13 +203,13 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
     def _set_task(
         self,
         plant: Plant,
-        reference: Trajectory = None,
-        duration: float = 20.0,
-        look_ahead: Sequence[float] = (0.05, 0.2),
-        error_bound: ArrayLike = 1.0,
-        reward_weights: RewardWeights | None = None,
-        initial_error: ArrayLike = 0.0,
-        render_mode: str | None = None,
+        reference: Trajectory,
+        duration: float,
+        look_ahead: Sequence[float],
+        error_bound: ArrayLike,
+        reward_weights: RewardWeights | None,
+        initial_error: ArrayLike,
+        render_mode: str | None,
     ) -> None:
         self.plant, self.mechanism, self.control_period = plant, plant.mechanism, plant.control_period
         self.steps = steps_of(duration, self.control_period)

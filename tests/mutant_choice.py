@@ -6,12 +6,11 @@ are recorded for each file as a whole, in a process of its own, and what the fil
 
 from __future__ import annotations
 
-import ast
 import builtins
 import hashlib
 import json
+import os
 import re
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -20,7 +19,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import pytest
-from mutant_processes import ROOT, first_and_last, forked, run
+from mutant_processes import ROOT, first_and_last, forked, run_followed
 from mutant_sites import Mutant
 
 RECORDED = ROOT / "build" / "mutants" / "entered"
@@ -73,55 +72,43 @@ class Recorder:
 
     def __init__(self, name: str, target: Path, limit: float) -> None:
         self._name, self._target, self._limit = name, target, limit
-        self._entered: set[str] = set()
-        builtins.__dict__["entered_by_test"] = self._entered.add
-
-    def reporting(self, path: Path) -> ast.Module | None:
-        """A module of the package, each function of which first reports its name."""
-        name = str(path.relative_to(ROOT))
-        if folder_of(name) is None:
-            return None
-        tree = ast.parse(path.read_text())
-        for node, function in functions(tree):
-            report = ast.parse(f"entered_by_test({f'{name}::{function}'!r})").body
-            node.body[1 if ast.get_docstring(node) else 0 : 0] = report
-        return ast.fix_missing_locations(tree)
+        self.reports = target.with_suffix(".entered")
 
     @pytest.hookimpl(trylast=True)
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         """Have the first and the last case of each test run first."""
         ends = [item.nodeid for item in first_and_last(items)]
         items.sort(key=lambda item: item.nodeid not in set(ends))
-        self._write({"file": self._name, "entered": sorted(self._entered), "ends": ends})
+        self._write({"file": self._name, "entered": self._reported(), "ends": ends})
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
         """Follow one test."""
-        if time.process_time() > self._limit:
+        if _spent() > self._limit:
             pytest.exit("enough is recorded", returncode=0)
-        self._entered.clear()
-        started = time.process_time()
+        self._reported()
+        started = _spent()
         try:
             return (yield)
         finally:
-            seconds = time.process_time() - started
-            self._write({"test": item.nodeid, "seconds": seconds, "entered": sorted(self._entered)})
+            seconds = _spent() - started
+            self._write({"test": item.nodeid, "seconds": seconds, "entered": self._reported()})
+
+    def _reported(self) -> list[str]:
+        """What was entered since the last time, by processes that tests start as well."""
+        names = sorted(set(self.reports.read_text().split("\n")) - {""})
+        os.truncate(self.reports, 0)
+        builtins.__dict__["entered_by_test"].clear()
+        return names
 
     def _write(self, row: object) -> None:
         with self._target.open("a") as file:
             file.write(json.dumps(row) + "\n")
 
 
-def functions(node: ast.AST, within: str = "") -> Iterator[tuple[ast.FunctionDef, str]]:
-    """Every function below a node, and its qualified name."""
-    for child in ast.iter_child_nodes(node):
-        if isinstance(child, ast.FunctionDef | ast.ClassDef):
-            name = f"{within}.{child.name}".lstrip(".")
-            if isinstance(child, ast.FunctionDef):
-                yield child, name
-            yield from functions(child, name)
-        else:
-            yield from functions(child, within)
+def _spent() -> float:
+    """Processor time of this process and of those that it started and that ended, s."""
+    return sum(os.times()[:4])
 
 
 def folder_of(path: str) -> str | None:
@@ -150,7 +137,7 @@ def record(name: str, limit: int) -> None:
     target.unlink(missing_ok=True)
     recorder = Recorder(name, target, limit)
     with TemporaryDirectory() as folder:
-        code = forked(partial(run, [name], recorder.reporting, [recorder], folder), 5 * limit)
+        code = forked(partial(run_followed, name, recorder, recorder.reports, folder), 5 * limit)
     remark = "" if code == 0 else ": left out, it fails or takes too long without a mutant"
     print(f"recorded {name}{remark}", flush=True)
     if code != 0:

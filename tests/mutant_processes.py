@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import importlib.machinery
 import marshal
 import os
 import resource
@@ -12,14 +11,13 @@ import sys
 import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from types import CodeType
 
 import pytest
+from changed_module.changed import ROOT, change_modules
 from hypothesis import Phase, settings
 
-ROOT = Path(__file__).resolve().parent.parent
 CHILDREN = ROOT / "tests" / "changed_module"
-"""On the path of processes that tests start: what changes a module there"""
+"""On the path of processes that tests start: what changes modules there"""
 PYTEST = ("-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-W", "ignore::pytest.PytestAssertRewriteWarning")
 
 
@@ -60,15 +58,14 @@ def first_and_last(items: Iterable[pytest.Item]) -> list[pytest.Item]:
     return [item for case in cases.values() for item in (case[:1] + case[1:][-1:])]
 
 
-def run(
-    test_files: Iterable[str], changed: Callable[[Path], ast.Module | None], plugins: list[object], folder: str
-) -> int:
-    """Exit code of pytest on test files, in this process, where modules are compiled from what `changed` returns.
+def run(test_files: Iterable[str], plugins: list[object], folder: str) -> int:
+    """Exit code of pytest on test files, in this process.
 
     What the library keeps from one process to the next is kept in a folder of this version of the code alone.
     """
-    compile_by(changed)
+    os.environ["PYTHONPATH"] = os.pathsep.join([str(CHILDREN), *filter(None, [os.environ.get("PYTHONPATH")])])
     os.environ["ADAPTCTL_CACHE"] = f"{folder}/cache"
+    change_modules()
     return int(pytest.main([*PYTEST, *test_files], plugins=[Hurried(), *plugins]))
 
 
@@ -77,20 +74,13 @@ def run_changed(test_files: Iterable[str], target: Path, tree: ast.Module, plugi
     code = Path(folder, "changed")
     code.write_bytes(marshal.dumps(compile(tree, str(target), "exec")))
     os.environ["CHANGED_MODULE"] = f"{target}{os.pathsep}{code}"
-    os.environ["PYTHONPATH"] = os.pathsep.join([str(CHILDREN), *filter(None, [os.environ.get("PYTHONPATH")])])
-    return run(test_files, lambda path: tree if path == target else None, plugins, folder)
+    return run(test_files, plugins, folder)
 
 
-def compile_by(changed: Callable[[Path], ast.Module | None]) -> None:
-    """Let modules that are imported from now on be compiled from the tree that `changed` returns, if it returns one."""
-    original = importlib.machinery.SourceFileLoader.get_code
-
-    def get_code(self: importlib.machinery.SourceFileLoader, name: str) -> CodeType | None:
-        path = Path(os.path.realpath(self.path))
-        tree = changed(path) if path.is_relative_to(ROOT) else None
-        return original(self, name) if tree is None else compile(tree, self.path, "exec")
-
-    importlib.machinery.SourceFileLoader.get_code = get_code  # type: ignore[method-assign,assignment]
+def run_followed(name: str, plugin: object, reports: Path, folder: str) -> int:
+    """Exit code of pytest on a test file, where the functions that it enters are written into a file."""
+    os.environ["ENTERED_BY_TEST"] = str(reports)
+    return run([name], [plugin], folder)
 
 
 def forked(run: Callable[[], int], limit: int) -> int | None:

@@ -1,65 +1,42 @@
-"""Defaults that users rely on: a number that is left out is the one that the interface states."""
+"""Defaults that users rely on: a number that is left out is the one that the docstring states."""
 
 from __future__ import annotations
 
+import ast
 import inspect
-from collections.abc import Callable
+import math
+import re
+from collections.abc import Iterator
+from operator import attrgetter
 from typing import Any
 
-import pytest
+from test_docstring_sections import methods, public
 
-from adaptctl.control import (
-    BoundedGainForgetting,
-    CompositeLearning,
-    ComputedTorque,
-    EModification,
-    ErrorFeedback,
-    FadeIn,
-    GainDesign,
-    Gains,
-    PriorRanges,
-    SigmaModification,
-    Sinusoids,
-    SlotineLi,
-    StoppedReference,
-    Workspace,
-    adaptation_gain,
-    excitation_trajectory,
-    sampling_ratio,
-)
-from adaptctl.control.gains.sampling_ratio import validate_sampling_ratio
+STATED = re.compile(r"^(\w[\w, ]*) : .*, default (\S.*)$", re.MULTILINE)
+NAMED = {"inf": math.inf, "infinity": math.inf, "numpy.inf": math.inf, "pi": math.pi}
 
 
-@pytest.mark.parametrize(
-    ("made", "defaults"),
-    [
-        (Sinusoids, {"phase": None, "start_time": 2.0}),
-        (StoppedReference, {"duration": 1.0}),
-        (FadeIn, {"duration": 3.0}),
-        (SlotineLi, {"adaptation": None, "initial": None, "control_period": 1e-3}),
-        (ComputedTorque, {"damping_ratio": 1.0, "parameters": None}),
-        (ComputedTorque.from_model, {"damping_ratio": 1.0, "parameters": None}),
-        (SigmaModification, {"leakage": 0.1, "prior": None}),
-        (EModification, {"leakage": 0.1, "prior": None}),
-        (BoundedGainForgetting, {"prediction_weight": 1.0, "cutoff": 20.0}),
-        (
-            CompositeLearning,
-            {"prediction_weight": 1.0, "cutoff": 20.0, "forgetting": 1.0, "recall": 2.0, "excitation_threshold": 0.0},
-        ),
-        (PriorRanges, {"mass": 5.0, "first_moment": 2.0, "inertia": 0.6, "viscous": 5.0, "coulomb": 10.0}),
-        (adaptation_gain, {"ranges": None, "gain_scale": 0.6, "gains": None, "control_period": 1e-3}),
-        (GainDesign.from_bandwidth, {"damping_ratio": 1.0, "control_period": 1e-3, "delay": 0}),
-        (GainDesign.from_poles, {"control_period": 1e-3, "delay": 0}),
-        (GainDesign.from_lqr, {"velocity": 0.0, "effort": 1.0, "control_period": 1e-3, "delay": 0}),
-        (ErrorFeedback.loop, {"delay": 0}),
-        (Gains.from_bandwidth, {"damping_scale": 1.0}),
-        (sampling_ratio, {"bandwidth": 0.0, "estimate": None, "workspace": None}),
-        (validate_sampling_ratio, {"bandwidth": 0.0, "workspace": None}),
-        (Workspace.within_limits, {"samples": 200, "seed": 0}),
-        (Workspace.along, {"margin": 0.2}),
-        (excitation_trajectory, {"frequency": 0.1, "harmonics": 5, "limit_share": 0.8, "iterations": 100, "seed": 0}),
-    ],
-)
-def test_what_is_left_out(made: Callable[..., Any], defaults: dict[str, Any]) -> None:
-    parameters = inspect.signature(made).parameters
-    assert {name: parameters[name].default for name in defaults} == defaults
+def stated_defaults() -> Iterator[tuple[str, str, object, Any]]:
+    """What is called, its parameter, the default that its docstring states, and that of its signature."""
+    for home, value in public().items():
+        for name in (home, *methods(home, value)):
+            made = attrgetter(name.removeprefix(home).lstrip("."))(value) if name != home else value
+            for line in STATED.finditer(inspect.getdoc(made) or ""):
+                parameters = inspect.signature(made).parameters
+                for parameter in line[1].split(", "):
+                    yield name, parameter, line[2], parameters[parameter].default
+
+
+def read(text: str) -> object:
+    """A default as its value; the text itself where it is no literal."""
+    try:
+        return NAMED[text] if text in NAMED else ast.literal_eval(text)
+    except (SyntaxError, ValueError):
+        return text
+
+
+def test_what_is_left_out_is_what_the_docstring_states() -> None:
+    found = [(name, parameter, read(str(text)), default) for name, parameter, text, default in stated_defaults()]
+    assert len(found) > 250
+    wrong = [row for row in found if not isinstance(row[2], str) and row[2] != row[3]]
+    assert not wrong

@@ -88,7 +88,7 @@ class Kernel:
         Function without arguments that returns the `Routine`; called again for each further kind of code.
     arguments : mapping of str to int
         Lengths n of the arguments by name.
-    finite : bool or "results", default False
+    finite : bool or "results"
         If true, NaN and infinity are refused in arguments and results; "results" checks results alone.
     form : Form, optional
         Calling convention of `with_fallback`. Default: vectors, each an array of its own.
