@@ -84,6 +84,7 @@ def _instead(text: str, unit: str, kinds: Sequence[object]) -> str:
     """Expected number, and what to write in place of a text that is none."""
     expected = f"expected a number{f' in {unit}' if unit else ''}, got {text!r}"
     parts = [part for part in re.split(r"[,;\s]+", text) if part]
+    parts = parts if all(any(map(str.isdigit, part)) for part in parts) else []  # "2 ms" is one number
     if len(parts) == 2 and Ellipsis not in kinds and kinds.count(float) < 2:
         return f"{expected}; write {'.'.join(parts)}, with a point"
     if len(parts) > 1:
