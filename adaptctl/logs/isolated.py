@@ -22,8 +22,6 @@ WAITING = 20.0
 """s that a busy machine may take besides, for three times the processor's"""
 MEMORY_PER_BYTE, BYTES_PER_SECOND = 30.0, 4e6
 """more of both for the bytes of large ones"""
-MAX_MESSAGE = 4000
-"""characters of an error"""
 HEAD, CELLS, EMPTY = "head.json", "cells.f8", "empty.b1"
 """names of what the process writes"""
 
@@ -79,8 +77,7 @@ def _head(folder: Path, path: str | Path, code: int, memory: int) -> dict[str, o
 def _error(head: dict[str, object]) -> AdaptctlError:
     kind = getattr(errors, str(head["error"]), FileError)
     known = isinstance(kind, type) and issubclass(kind, AdaptctlError)
-    text = "".join(c if c.isprintable() else "?" for c in str(head["message"])[:MAX_MESSAGE])
-    found: AdaptctlError = (kind if known else FileError)(text)
+    found: AdaptctlError = (kind if known else FileError)(head["message"])
     return found
 
 

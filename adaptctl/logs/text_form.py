@@ -104,7 +104,8 @@ def _form(lines: list[str], path: str | Path, encoding: str) -> TextForm:
     if width > MAX_COLUMNS:
         raise FileError(f"{path}: has {width} columns, more than the limit of {MAX_COLUMNS}")
     heads = [(i, _names(line, mark, width)) for i, line in enumerate(before) if line.strip()]
-    named = [(i, names) for i, names in heads if names and not (COMMENT.match(before[i]) and len(names) == 1 < width)]
+    is_title = {i: width > 1 and COMMENT.match(before[i]) and not any(names[1:]) for i, names in heads}
+    named = [(i, names) for i, names in heads if names and not is_title[i]]
     units: list[str] | None = None
     if len(named) > 1 and named[-1][0] == named[-2][0] + 1 and all(is_unit(_unit(cell)) for cell in named[-1][1]):
         units = [_unit(cell) for cell in named.pop()[1]]

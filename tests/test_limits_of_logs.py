@@ -1,0 +1,279 @@
+"""Limits of logs, to the last number within them, and what is told of those beyond."""
+
+from __future__ import annotations
+
+import math
+import re
+import subprocess
+from itertools import pairwise
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from adaptctl.arrays import MAX_SETTING
+from adaptctl.errors import FileError, NotFoundError
+from adaptctl.logs import isolated, lerobot, ros_bag, text, units
+from adaptctl.logs.table import LogTable, table, validate_size
+from adaptctl.logs.text import read_delimited
+from adaptctl.logs.text_form import form_of
+
+
+def written(folder: Path, content: str, name: str = "log.csv") -> Path:
+    path = folder / name
+    path.write_text(content)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("rows", "columns", "fits"),
+    [
+        *((20_000_000, 20, True), (20_000_001, 1, False), (20_000_000, 21, False)),
+        *((40_000, 10_000, True), (40_001, 10_000, False), (1, 10_001, False)),
+    ],
+)
+def test_a_table_has_so_many_rows_columns_and_numbers(rows: int, columns: int, fits: bool) -> None:
+    if fits:
+        validate_size("log", rows, columns)
+    else:
+        with pytest.raises(FileError, match=f"^log: has {rows} rows.* more than the limit of"):
+            validate_size("log", rows, columns)
+
+
+def test_a_line_has_so_many_cells(tmp_path: Path) -> None:
+    assert form_of(written(tmp_path, "1," * 9999 + "1\n")).count == 10_000
+    with pytest.raises(FileError, match="has 10001 columns, more than the limit of 10000"):
+        form_of(written(tmp_path, "1," * 10_000 + "1\n"))
+
+
+@pytest.mark.parametrize("largest", [MAX_SETTING, -MAX_SETTING, 1.0 / MAX_SETTING, 0.0])
+def test_a_column_has_numbers_of_such_a_size(largest: float) -> None:
+    values = np.array([0.0, largest, 0.5 * largest])
+    assert table("log", [("x", values)]).column("x", "time") is not None
+    if largest:
+        beyond = values * (1.01 if abs(largest) > 1.0 else 0.99)
+        with pytest.raises(FileError, match=re.escape(f"number, {beyond[1]:g} in row 2, is beyond")):
+            table("log", [("x", beyond)]).column("x", "time")
+
+
+def test_the_first_row_that_is_not_finite_is_told() -> None:
+    log = LogTable("log", {"x": np.array([1.0, np.nan, np.inf, 2.0])}, words={"x": "no\tpe"})
+    with pytest.raises(
+        FileError, match=r"2 of 4 rows not finite, the first is row 2 \(nan\); its first text is"
+    ) as told:
+        log.column("x", "time")
+    assert str(told.value).endswith("write s, or dates as 2026-09-01 12:00:00.005")
+    with pytest.raises(FileError, match="; use a part of the log"):
+        log.column("x", "position")
+
+
+def test_names_that_are_like_a_missing_one_or_the_first_twelve_are_offered() -> None:
+    log = LogTable("log", {f"column{k}": np.zeros(1) for k in range(13)} | {"a.long.name": np.zeros(1)})
+    with pytest.raises(FileError, match=r"no column 'a' for time; did you mean a.long.name$"):
+        log.column("a", "time")
+    with pytest.raises(FileError, match=r"columns: column0, .*, column11, \.\.\. \(14 in all\)$"):
+        log.column("zzz", "time")
+    twelve = LogTable("log", {f"x{k:02d}": np.zeros(1) for k in range(12)})
+    assert twelve.listed() == ", ".join(twelve.columns)
+
+
+def test_columns_of_a_table_are_of_one_length_and_have_names_of_their_own() -> None:
+    with pytest.raises(FileError, match="two columns are named 'a'"):
+        table("log", [("a", np.zeros(2)), ("a", np.zeros(2))])
+    with pytest.raises(FileError, match="column 'b' has 3 rows, but 'a' has 2"):
+        table("log", [("a", np.zeros(2)), ("b", np.zeros(3))])
+    for columns in ([], [("a", np.zeros(0))]):
+        with pytest.raises(FileError, match="no rows of numbers"):
+            table("log", columns)
+
+
+def test_lines_of_another_length_are_counted_up_to_a_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(text, "MAX_ODD", 3)
+    lines = "a,b\n1,2\n# one\n3,4\n# two\n5,6\n"
+    log = read_delimited(written(tmp_path, lines))
+    assert log.columns["b"].tolist() == [2.0, 4.0, 6.0]
+    assert log.notes == ("2 lines of comments left out",)
+    with pytest.raises(FileError, match="not a text table"):
+        read_delimited(written(tmp_path, lines + "# three\n7,8\n"))
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        ("a,b\n1,2\n3,4,5\n6,7\n", r"line 3 has 3 cells, not 2: '3,4,5'\)"),
+        ("a,b\n1,2\n3\n6,7\n", "line 3 has 1 cells, not 2"),
+        ("a,b\n1,2\n3\n6,7\n8\n", "line 3 has 1 cells, not 2"),
+        ("a,b\n1,2\n3,4,5\n", "line 3 has 3 cells, not 2"),
+        ("a,b,c\n1,2\n", "line 1 has 3 names, and line 2 2 numbers"),
+        ("", "no rows of numbers"),
+    ],
+)
+def test_a_line_of_another_length_is_named(content: str, told: str, tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=told):
+        read_delimited(written(tmp_path, content))
+
+
+def test_a_cut_last_line_is_left_out_and_told(tmp_path: Path) -> None:
+    log = read_delimited(written(tmp_path, "a,b\n1,2\n3,4\n5"))
+    assert log.columns["b"].tolist() == [2.0, 4.0]
+    assert log.notes == ("the last line, which is cut off, was left out",)
+
+
+def test_a_file_with_blanks_is_rewritten_up_to_a_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = written(tmp_path, "a   b\n1   2\n  3 4  \n")
+    monkeypatch.setattr(text, "MAX_SPACED", path.stat().st_size)
+    assert read_delimited(path).columns["b"].tolist() == [2.0, 4.0]
+    monkeypatch.setattr(text, "MAX_SPACED", path.stat().st_size - 1)
+    with pytest.raises(FileError, match="have to be rewritten; use commas"):
+        read_delimited(path)
+
+
+@pytest.mark.parametrize(
+    ("content", "names", "columns"),
+    [
+        ("a,b\n1,2,\n3,4,\n", ["a", "b", "(3)"], 3),  # rows end with a mark
+        ("a,b,\n1,2\n3,4\n", ["a", "b"], 2),  # the names do
+        ("# a log\na,b\n1,2\n", ["a", "b"], 2),
+        ("# a,b\n1,2\n", ["a", "b"], 2),
+        ("# one\n1,2\n", None, 2),  # a comment of a word is no name of two columns
+        ("a,b\nx,2\n", ["a", "b"], 2),  # half of the cells are numbers
+        ("t,b\ns,rad\n1,2\n", ["t", "b"], 2),
+    ],
+)
+def test_names_are_those_of_the_last_line_before_the_numbers(
+    content: str, names: list[str] | None, columns: int, tmp_path: Path
+) -> None:
+    form = form_of(written(tmp_path, content))
+    assert (form.names, form.count) == (names, columns)
+    assert form.units == ({"t": "s", "b": "rad"} if "rad" in content else {})
+
+
+@pytest.mark.parametrize(
+    ("cells", "decimal"),
+    [
+        *((["1,5", "2"], ","), (["1,5", "2.5"], "."), (["1.5"], "."), (["1.234,5"], ","), (["1,234.5"], ".")),
+        *((["1.234.567"], ","), (["1,234,567"], "."), (["1,234"], ","), (["1.234"], ".")),
+    ],
+)
+def test_the_mark_before_decimals_is_told_by_that_after_thousands(
+    cells: list[str], decimal: str, tmp_path: Path
+) -> None:
+    assert form_of(written(tmp_path, "a;b\n" + "".join(f"{cell};1\n" for cell in cells))).decimal == decimal
+
+
+def test_a_reader_has_memory_and_time_by_the_size_of_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, seen = tmp_path / "log.mcap", list[Any]()
+    path.write_bytes(bytes(4_000_000))
+
+    def run(command: list[str], timeout: float, **given: Any) -> Any:
+        seen.append((int(command[-2]), float(command[-1]), timeout, given["env"]["OMP_NUM_THREADS"]))
+        if len(seen) > 1:
+            raise subprocess.TimeoutExpired(command, timeout)
+        return SimpleNamespace(returncode=-9)
+
+    monkeypatch.setattr(subprocess, "run", run)
+    with pytest.raises(FileError, match=r"within 1.1 GB and the time .*the reader ended with -9"):
+        isolated.read_isolated("m:f", path)
+    with pytest.raises(FileError, match="was not read within 53 s"):
+        isolated.read_isolated("m:f", path)
+    assert seen == [(2**30 + 30 * 4_000_000, 11.0, 53.0, "1")] * 2
+    (tmp_path / "folder" / "below").mkdir(parents=True)
+    for name in ("one", "below/two"):
+        (tmp_path / "folder" / name).write_bytes(bytes(7))
+    assert isolated._size(tmp_path / "folder") == 14
+
+
+def test_an_error_of_a_reader_is_one_of_ours_and_of_printable_characters() -> None:
+    assert isinstance(isolated._error({"error": "NotFoundError", "message": "x"}), NotFoundError)
+    for kind in ("SystemExit", "annotations", "no such"):
+        assert type(isolated._error({"error": kind, "message": "x"})) is FileError
+    assert str(isolated._error({"error": "FileError", "message": "a\x1b"})) == "a\\x1b"
+
+
+def test_features_of_a_data_set_are_told_by_words_in_their_names() -> None:
+    words = {"position": "pos position q", "velocity": "vel velocity dq", "effort": "effort torque eff tau"}
+    for kind, given in words.items():
+        for word in given.split():
+            assert lerobot._kind(word.upper()) == kind
+            assert lerobot._of_feature(f"observation.joint_{word}s") == kind
+    assert lerobot._of_feature("observation.state") == "position"
+    assert lerobot._of_feature("observation.state.image") is None
+    assert [lerobot._unit({"units": ["rad", 1]}, k) for k in range(3)] == ["rad", "", ""]
+
+
+def test_a_data_set_has_settings_and_files_up_to_a_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "meta").mkdir()
+    info = written(tmp_path / "meta", '{"features": 1}', "info.json")
+    assert lerobot.is_lerobot(tmp_path)
+    assert not lerobot.is_lerobot(tmp_path / "meta")
+    monkeypatch.setattr(lerobot, "MAX_INFO", info.stat().st_size)
+    assert lerobot._info(tmp_path) == {"features": 1}
+    monkeypatch.setattr(lerobot, "MAX_INFO", info.stat().st_size - 1)
+    with pytest.raises(FileError, match="larger than 14 bytes"):
+        lerobot._info(tmp_path)
+    monkeypatch.setattr(lerobot, "MAX_FILES", 2)
+    for k in (10, 9):
+        written(tmp_path, "", f"{k}.parquet")
+    pattern = {"data_path": "{file_index}.parquet"}
+    assert [file.name for file in lerobot._files(tmp_path, pattern)] == ["9.parquet", "10.parquet"]
+    written(tmp_path, "", "8.parquet")
+    with pytest.raises(FileError, match="more than 2 files"):
+        lerobot._files(tmp_path, pattern)
+
+
+def states(names: list[str], count: int = 1) -> list[tuple[int, Any]]:
+    stamp = SimpleNamespace(stamp=SimpleNamespace(sec=0, nanosec=0))
+    rows = {"position": [1.0] * len(names), "velocity": [], "effort": []}
+    return [(5, SimpleNamespace(name=names, header=stamp, **rows))] * count
+
+
+def test_joint_states_are_those_of_one_robot() -> None:
+    many = [f"j{k}" for k in range(1001)]
+    assert len(ros_bag.joint_table("bag", states(many[:1000])).columns) == 1001
+    with pytest.raises(FileError, match="name 1001 joints, 1001 of them different"):
+        ros_bag.joint_table("bag", states(many))
+    with pytest.raises(FileError, match="name 2 joints, 1 of them different"):
+        ros_bag.joint_table("bag", states(["a", "a"]))
+    with pytest.raises(FileError, match="as many messages are for the joints a, b and for c"):
+        ros_bag.joint_table("bag", states(["a", "b"], 2) + states(["c"], 2))
+    log = ros_bag.joint_table("bag", states(["a", "b"], 3) + states(["c"], 2))
+    assert log.notes == ("2 messages of other publishers were left out (c)",)
+    assert (
+        ros_bag.joint_table("bag", states(["a", "b"], 3) + states(["a"])).notes[0].endswith("left out (fewer joints)")
+    )
+    with pytest.raises(FileError, match="no joint state has names"):
+        ros_bag.joint_table("bag", states([]))
+
+
+@pytest.mark.parametrize("name", ["zstd", "lz4"])
+def test_a_chunk_unpacks_to_a_quarter_of_a_gibibyte_at_most(name: str) -> None:
+    from backports import zstd
+    from lz4 import frame
+    from rosbags.rosbag2 import storage_mcap
+
+    ros_bag._bound_chunks()
+    packed = {"zstd": zstd.compress, "lz4": frame.compress}[name](b"content")
+    assert storage_mcap.DECOMPRESSORS[name](packed, 7) == b"content"
+    assert len(storage_mcap.DECOMPRESSORS[name](packed, 3)) == 4  # one more than declared, which is refused
+    assert storage_mcap.DECOMPRESSORS[name](packed, 2**28) == b"content"
+    with pytest.raises(ValueError, match="declares 268435457 bytes"):
+        storage_mcap.DECOMPRESSORS[name](packed, 2**28 + 1)
+
+
+def test_a_turn_is_360_degrees_and_a_minute_60_seconds() -> None:
+    assert units.POSITION["rev"] == pytest.approx(math.radians(360.0))
+    assert 360.0 * units.POSITION["deg"] == pytest.approx(units.POSITION["rev"])
+    assert 60.0 * units.VELOCITY["rpm"] == pytest.approx(units.POSITION["rev"])
+    assert units.VELOCITY["deg/s"] == units.POSITION["deg"]
+    for factors, *steps in (
+        (units.TIME, "s", "ms", "us", "ns"),
+        (units.POSITION, "m", "mm"),
+        (units.TORQUE, "N m", "mN m"),
+    ):
+        for whole, part in pairwise(steps):
+            assert factors[part] == pytest.approx(1e-3 * factors[whole])
+    assert units.VELOCITY["mm/s"] == units.POSITION["mm"]
+    ones = ((units.TIME, "s"), (units.POSITION, "rad"), (units.POSITION, "m"), (units.VELOCITY, "rad/s"))
+    assert [factors[name] for factors, name in (*ones, (units.TORQUE, "N"), (units.VELOCITY, "m/s"))] == [1.0] * 6
