@@ -6,6 +6,7 @@ import os
 import pty
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -106,3 +107,14 @@ def test_a_command_shows_it(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert "adaptctl: starting, 0 s" in done.stderr.splitlines()
     assert done.stdout.startswith("two_link")
+
+
+def test_its_thread_ends_when_it_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "PATIENCE", 0.001)
+    beat, before = module.Heartbeat(), set(threading.enumerate())
+    monkeypatch.setattr(beat, "_put", lambda text: None)
+    beat.start()
+    (thread,) = set(threading.enumerate()) - before
+    beat.stop()
+    thread.join(10.0)
+    assert not thread.is_alive()

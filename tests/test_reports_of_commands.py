@@ -16,7 +16,7 @@ import pytest
 from rich.console import Console
 
 import adaptctl
-from adaptctl.cli import drive, identify, numbers, runs, sweep
+from adaptctl.cli import doctor, drive, gains, identify, numbers, runs, sweep, tune
 from adaptctl.cli import main as command_line
 from adaptctl.cli.main import main
 from adaptctl.description.inertia import from_center_of_mass
@@ -25,9 +25,11 @@ from adaptctl.hardware import LoopTimes, TouchEvent
 from adaptctl.hardware.driven_run import DrivenRun
 from adaptctl.identification import IdentifiedPayload
 from adaptctl.recording import Fact
+from adaptctl.simulation import RungeKutta4
 from adaptctl.sweeps import cluster as cluster_module
 from adaptctl.sweeps.folder import Folder
 from adaptctl.sweeps.study import SweepStudy
+from adaptctl.tuning.verification import Verification
 
 ARM = adaptctl.load("two_link")
 ROW = {"folder": "a", "robot": "arm", "label": "adaptive", "first_rms_error": 0.0123456, "final_rms_error": 2e-6,
@@ -257,3 +259,99 @@ def test_a_missing_package_is_told_with_the_command_that_needs_it(
 )
 def test_a_number_in_another_unit_is_written_out_in_the_flags_own(text: str, unit: str, number: str) -> None:
     assert f"got {text!r}; write {number}" in numbers._instead(text, unit, ())
+
+
+def test_an_identification_in_json_has_its_verdicts_facts_logs_and_warnings(monkeypatch: pytest.MonkeyPatch) -> None:
+    from adaptctl.identification import report
+
+    told = {"verdict": "good", "facts": [Fact("Rate", "1 Hz")], "log_lines": [("a.csv", "3 s")]}
+    joint: Any = SimpleNamespace(name="elbow", as_builtins=lambda: {"rms": 0.5})
+    for name, answer in (told | {"joint_verdicts": [joint]}).items():
+        monkeypatch.setattr(report, name, lambda found, answer=answer: answer)
+    found: Any = SimpleNamespace(warnings=("slow",))
+    assert identify.as_builtins(found, Path("out")) == {
+        "schema": identify.SCHEMA,
+        "folder": "out",
+        "verdict": "good",
+        "joints": {"elbow": {"rms": 0.5}},
+        "facts": {"Rate": "1 Hz"},
+        "logs": {"a.csv": "3 s"},
+        "warnings": ["slow"],
+    }
+
+
+@pytest.mark.parametrize("failed", [False, True])
+def test_the_report_of_a_tuning_has_its_numbers(failed: bool) -> None:
+    runs = [Verification("nominal", 0.1, 0.002, 0.05, 0.3, 0.01), Verification("delayed", 0.1, 0.2, 0.05, 0.3, 0.5)]
+    moved = {"center": [0.1, 0.2], "amplitude": [0.345678, 0.4], "frequency": [0.1, 0.2]}
+    reference = SimpleNamespace(**{name: np.array(values) for name, values in moved.items()})
+    tuning: Any = SimpleNamespace(
+        mechanism=ARM, failed=failed, verified=runs, integrator=RungeKutta4(), substeps=3, control_period=0.002,
+        limited_by=("the delay", "the torque"), notes=("a note",), torque_share=np.array([0.123, 0.456]),
+        gains=SimpleNamespace(bandwidth=np.array([4.0, 5.0]), damping=np.array([60.0, 7.0])), reference=reference,
+    )  # fmt: skip
+    told = shown(*tune.report(tuning))
+    assert ("FAILED" in told) == failed
+    assert "integrator RungeKutta4, 3 steps per 0.002 s period" in told
+    first, second = (joint.name for joint in ARM.primary_joints)
+    assert [first, "4", "60", "0.1", "0.346", "0.1", "12%"] in [line.split() for line in told.splitlines()]
+    assert [second, "5", "7", "0.2", "0.4", "0.2", "46%"] in [line.split() for line in told.splitlines()]
+    assert [first, "the", "delay"] in [line.split() for line in told.splitlines()]
+    assert "a note" in told
+    assert [line.strip().endswith("(does not learn)") for line in told.splitlines() if line.strip() in
+            {str(runs[0]), f"{runs[1]} (does not learn)"}] == [False, True]  # fmt: skip
+
+
+def test_margins_of_gains_have_their_units_and_those_beyond_are_red() -> None:
+    margin = SimpleNamespace(gain=2.0, phase=np.pi / 3.0, delay=0.0125, crossover=41.23456)
+    design: Any = SimpleNamespace(margins=[margin] * 2, least_inertia=np.array([0.6, 0.5]), control_period=0.002)
+    gain, inertia, *rest = gains._margins(design, 0)
+    assert (gain, inertia) == ("× 2", ("× 0.6", ""))
+    assert rest == ["60°", "12.5 ms", "6.25", "41.23 rad/s"]
+    assert list(gains._margins(design, 1))[1] == ("× 0.5", "red")
+    assert [gains._number(x) for x in (None, np.nan, np.inf, 1234.56)] == ["–", "–", "∞", "1235"]
+
+
+def test_the_poles_that_a_period_carries_are_told() -> None:
+    design: Any = SimpleNamespace(
+        sampled_gain=0.5,
+        largest_sampled_gain=1.2,
+        max_bandwidth_factor=2.5,
+        max_pole_magnitude=8.0,
+        is_well_damped=True,
+    )
+    both, fastest = gains._together(design)
+    assert "= 0.5 at the worst configuration found; up to 1.2 is allowed" in both
+    assert "up to 2.5 times as fast are stable: the fastest at 20 1/s instead of 8" in fastest
+    design.is_well_damped, design.max_bandwidth_factor = False, np.inf
+    assert list(gains._together(design))[1:] == [
+        "Any poles are stable at this period.",
+        "Λ and K need a damping ratio of at least 1.",
+    ]
+
+
+def test_stated_delays_and_counts_are_effects_of_a_tuning() -> None:
+    assert tune._effects(0, 0) == []
+    delay, encoder, differences = tune._effects(2, 12)
+    assert (delay.periods, encoder.resolution, differences.cutoff) == (2, pytest.approx(2.0 * np.pi / 4096), 60.0)  # type: ignore[attr-defined]
+    assert len(tune._effects(0, tune.MAX_BITS)) == 2
+    with pytest.raises(InputError, match="encoder_bits"):
+        tune._effects(0, tune.MAX_BITS + 1)
+
+
+def test_the_doctor_tells_what_is_there_missing_and_wrong() -> None:
+    found: dict[str, Any] = {
+        "adaptctl": "1.2", "python": "3.11", "platform": "Linux", "viewer": None,
+        "packages": {"numpy": "2.0", "rich": None},
+        "compiler": {"lanes": 4, "error": None}, "cache": {"folder": "/c", "objects": 3, "bytes": 2**20 + 2**19},
+        "extras": {"logs": {"mcap": "1.0", "rosbags": None}, "all": {"x": "3"}, "none": {"y": None}}, "wrong": [],
+    }  # fmt: skip
+    lines = [" ".join(line.split()) for line in doctor._lines(found)]
+    assert {"compiler works, 4 lanes of doubles", "cache /c: 3 objects, 1.5 MB", "viewer missing"} < set(lines)
+    assert {"numpy 2.0", "rich missing", "logs mcap 1.0; missing: rosbags", "all x 3", "none missing: y"} < set(lines)
+    assert lines[-1] == "No problems found."
+    wrong = found | {"compiler": {"lanes": None, "error": "no compiler"}, "wrong": ["a", "b"], "viewer": "/v"}
+    wrong["cache"] = wrong["cache"] | {"folder": None}
+    lines = [" ".join(line.split()) for line in doctor._lines(wrong)]
+    assert {"compiler no compiler", "cache off: 3 objects, 1.5 MB", "viewer /v"} < set(lines)
+    assert lines[-2:] == ["wrong: a", "wrong: b"]
