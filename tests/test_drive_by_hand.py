@@ -1,0 +1,256 @@
+"""The control loop of a drive, at numbers that are written by hand."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from driven_robots import ARM
+
+from adaptctl.control.controller import ReferencePoint
+from adaptctl.hardware import HardwareLimits, LoopTimes, RobotReading, loop
+from adaptctl.hardware.lead_in import _lengths
+from adaptctl.hardware.loop import DriveLoop
+from adaptctl.hardware.measurements import Measurements
+from adaptctl.hardware.torque_guard import TorqueGuard
+
+PERIOD, REST = 0.01, np.zeros(2)
+LIMITS = HardwareLimits([50.0, 20.0], [2.0, 4.0], [-1.0, -2.0], [1.5, 2.0], 1000.0)
+POINT = ReferencePoint(REST, REST, REST)
+
+
+def reading(time: float = 1.0, p: Any = REST, v: Any = REST, torque: Any = None) -> RobotReading:
+    return RobotReading(time, np.asarray(p, dtype=float), np.asarray(v, dtype=float), torque)
+
+
+class Asked:
+    """A robot that notes what it is asked for."""
+
+    period, limits, compensates_gravity = PERIOD, LIMITS, False
+
+    def __init__(self) -> None:
+        self.asked: list[Any] = []
+
+    def read(self) -> RobotReading | None:
+        self.asked.append("read")
+        return None
+
+    def write(self, torque: Any) -> None:
+        self.asked.append(np.array(torque))
+
+    def stop(self) -> None:
+        self.asked.append("stop")
+
+    def start(self, torque: Any) -> None:
+        self.asked.append(("start", np.array(torque)))
+
+
+def made(**given: Any) -> Any:
+    """A loop with the parts that are given, of an arm that is driven for 10 s and is at 1 s."""
+    found: Any = object.__new__(DriveLoop)
+    flags = SimpleNamespace(stopped=[False], ringing=[False])
+    plain: dict[str, Any] = {
+        "robot": Asked(), "duration": 10.0, "time": 1.0, "limits": LIMITS, "names": ["a", "b"], "stop": None,
+        "blind": 0, "interrupted": False, "ended": False, "by_robot": False, "stopped": "", "sensor": None,
+        "times": LoopTimes(PERIOD), "state": SimpleNamespace(flags=flags), "_holds": True, "start_p": REST,
+        "_nears_an_end": lambda now: np.array([False, False]),
+        "guard": TorqueGuard(LIMITS, PERIOD, REST), "first_error": 0.0, "worst_error": 0.0, "peak_rate": 0.0,
+        "peak_speed_share": 0.0, "moves": False,
+    }  # fmt: skip
+    vars(found).update(plain | given)
+    return found
+
+
+def test_an_arm_is_stopped_where_a_limit_is_passed_and_not_where_it_is_met() -> None:
+    assert made()._trouble(reading(v=LIMITS.velocity), POINT) == ""
+    assert made()._trouble(reading(v=-1.01 * LIMITS.velocity), POINT) == "a is above its speed limit"
+    assert made()._trouble(reading(p=[0.0, 0.3]), POINT) == ""
+    assert made()._trouble(reading(p=[0.0, -0.31]), POINT) == "b is 0.3 rad (m) off the reference"
+    near = made(_nears_an_end=lambda now: np.array([False, True]))
+    assert near._trouble(reading(), POINT) == "b comes too near to the end of its range"
+    assert made(time=9.99)._trouble(reading(), POINT) == ""
+    assert made(time=10.0)._trouble(reading(), POINT) == "done"
+    assert made(interrupted=True)._trouble(reading(), POINT) == "interrupted"
+    assert made(sensor=SimpleNamespace(failed="silent"))._trouble(reading(), POINT) == "silent"
+
+
+@pytest.mark.parametrize("late", [20, 21])
+def test_so_many_periods_may_be_late_in_a_row(late: int) -> None:
+    times = LoopTimes(PERIOD)
+    for _ in range(late):
+        times.count(1.3 * PERIOD)
+    assert made(times=times)._trouble(reading(), POINT).startswith("21 periods in a row came late") == (late > 20)
+
+
+@pytest.mark.parametrize(
+    ("time", "sunk", "holds", "stops"),
+    [(0.049, 1.1e-3, True, True), (0.05, 1.1e-3, True, False), (0.04, 1e-3, True, False), (0.0, 0.1, False, False)],
+)
+def test_an_arm_that_sinks_as_its_brakes_open_is_braked_within_a_twentieth_of_a_second(
+    time: float, sunk: float, holds: bool, stops: bool
+) -> None:
+    driven = made(time=time, _holds=holds)
+    driven._trouble(reading(p=[0.0, -sunk]), POINT)
+    assert driven.ended == driven.by_robot == stops
+    assert driven.robot.asked == ["stop"] * stops
+
+
+def test_touches_stop_an_arm_once_and_an_arm_that_yields_when_they_are_over() -> None:
+    feeling = SimpleNamespace(touched=True, events=["a touch"], over=lambda time: True)
+    assert made(feeling=feeling, on_touch="stop")._trouble(reading(), POINT) == "touched: a touch"
+    assert made(feeling=feeling, on_touch="ignore")._trouble(reading(), POINT) == ""
+    stop = SimpleNamespace(yields=True, reason="touched")
+    assert made(feeling=feeling, on_touch="comply", stop=stop)._trouble(reading(), POINT) == "touched"
+    feeling.over = lambda time: False
+    assert made(feeling=feeling, on_touch="comply", stop=stop)._trouble(reading(), POINT) == ""
+
+
+@pytest.mark.parametrize(
+    ("braked", "measured", "held"),
+    [(True, [9.0, 9.0], [2.0, 3.0]), (False, [9.0, 8.0], [9.0, 8.0]), (False, None, [2.0, 3.0])],
+)
+def test_a_drive_starts_from_the_torque_that_holds_the_arm(braked: bool, measured: Any, held: list[float]) -> None:
+    """Of 3 and 5 N m at rest the robot adds 1 and 2 itself; the controller's own torque is 2.5 and 4."""
+    begun: list[Any] = []
+    controller = SimpleNamespace(
+        init=lambda p, v, torque: begun.append((p, v, torque)) or SimpleNamespace(), inner=None
+    )
+    robot = Asked()
+    robot.has_brakes = braked  # type: ignore[attr-defined]
+    driven = made(robot=robot, controller=controller, compensation=lambda now: np.array([1.0, 2.0]))
+    now = reading(p=[0.1, 0.2], torque=None if measured is None else np.array(measured))
+    driven._start(now, np.array([2.5, 4.0]), np.array([3.0, 5.0]))
+    total = np.add(held, [1.0, 2.0])
+    ((p, v, torque),) = begun
+    np.testing.assert_array_equal([p, v, torque], [now.p, REST, total])
+    np.testing.assert_array_equal(driven.offset, total - [2.5, 4.0])
+    np.testing.assert_array_equal(driven.applied, total)
+    ((what, first),) = robot.asked
+    assert what == "start"
+    np.testing.assert_array_equal(first, held)
+    assert (driven.moves, driven._holds) == (True, braked)
+    with pytest.raises(KeyboardInterrupt):
+        made(robot=Asked(), controller=controller, compensation=lambda now: REST, interrupted=True)._start(
+            now, REST, REST
+        )
+
+
+def test_periods_without_a_measurement_are_ridden_out_ten_times(monkeypatch: pytest.MonkeyPatch) -> None:
+    slept: list[float] = []
+    monkeypatch.setattr(loop.time, "sleep", slept.append)
+    joints = ARM.primary_joints
+    driven = made(measurements=Measurements(joints, LIMITS, PERIOD, REST), _began=0.0, time=0.0)
+    for k in range(10):
+        now, sound = driven._read()
+        assert not sound
+        assert now.time == pytest.approx((k + 1) * PERIOD)
+        assert not driven.ended
+    driven._read()
+    assert driven.stopped == "by the robot: 11 periods without a sound measurement: no measurement"
+    assert slept == []
+    driven.robot.read = lambda: 1.0 / 0.0
+    driven._read()
+    assert (driven.measurements.fault, slept) == ("ZeroDivisionError: float division by zero", [PERIOD])
+
+
+def test_a_stop_ends_after_half_a_second_at_rest_and_two_more_at_most() -> None:
+    def finished(time: float, speed: float) -> Any:
+        driven = made(time=time, stop=SimpleNamespace(end=3.0))
+        driven._finish(reading(v=[0.0, -speed]))
+        return driven.ended, driven.by_robot
+
+    assert finished(3.49, 0.0) == (False, False)
+    assert finished(3.5, 0.049) == (True, False)
+    assert finished(3.5, 0.05) == (False, False)
+    assert finished(5.5, 0.05) == (False, False)
+    assert finished(5.51, 0.05) == (True, True)
+
+
+def test_an_arm_that_holds_its_weight_is_handed_back_with_torques_that_fall_for_a_fifth_of_a_second() -> None:
+    driven = made(measurements=Measurements(ARM.primary_joints, LIMITS, PERIOD, REST))
+    driven.robot.compensates_gravity = True
+    driven.guard = TorqueGuard(LIMITS, PERIOD, begun := np.array([8.0, -4.0]))
+    driven._hand_back()
+    written = [asked for asked in driven.robot.asked if not isinstance(asked, str)]
+    np.testing.assert_allclose(written, np.outer(1.0 - np.arange(1, 21) / 20.0, begun), atol=1e-12)
+    assert driven.robot.asked[-1] == "stop"  # a robot that has no way of its own to be released
+    assert driven.ended
+    plain = made()
+    plain._hand_back()
+    assert plain.robot.asked == ["stop"]
+
+
+def test_peaks_of_a_drive_are_noted() -> None:
+    driven = made()
+    driven.times.count(PERIOD)
+    driven._note(reading(p=[0.02, -0.03], v=[1.0, -3.0]), POINT, REST, np.array([0.5, -2.0]))
+    driven.times.count(PERIOD)
+    driven._note(reading(p=[0.01, 0.0]), POINT, np.array([0.5, -2.0]), np.array([0.5, -2.1]))
+    peaks = driven.first_error, driven.worst_error, driven.peak_rate, driven.peak_speed_share
+    assert peaks == pytest.approx((0.03, 0.03, 200.0, 0.75))
+
+
+def test_the_model_explains_a_torque_if_feedback_adds_a_twentieth_of_the_limits_at_most() -> None:
+    def quiet(s: Any, damping: Any) -> bool:
+        state = SimpleNamespace(inner=SimpleNamespace(s=s))
+        found: bool = made(state=state, controller=SimpleNamespace(inner=SimpleNamespace(damping=damping)))._is_quiet()
+        return found
+
+    assert quiet(np.array([0.25, -0.1]), np.array([10.0, 10.0]))
+    assert not quiet(np.array([-0.26, 0.0]), np.array([10.0, 10.0]))
+    assert quiet(np.array([9.0, 9.0]), None)
+    assert quiet(None, np.array([10.0, 10.0]))
+
+
+def learning(**given: Any) -> Any:
+    """A loop that is at the reference, with a state that learns and one that does not."""
+    flags, held = SimpleNamespace(stopped=[False]), SimpleNamespace(without_learning=lambda after, applied: KEPT)
+    feeling, controller = SimpleNamespace(feel=lambda *of: None), SimpleNamespace(inner=SimpleNamespace())
+    found = {"held_state": held, "feeling": feeling, "controller": controller, "good": 0.0, "proven": "none"}
+    LEARNED.flags = KEPT.flags = flags
+    return made(**(found | given))
+
+
+LEARNED, KEPT = SimpleNamespace(inner=SimpleNamespace()), SimpleNamespace(inner=SimpleNamespace())
+
+
+@pytest.mark.parametrize(
+    ("given", "sound", "learns"),
+    [
+        ({"time": 0.19}, True, False),
+        ({"time": 0.2}, True, True),
+        ({}, False, False),
+        ({"stop": SimpleNamespace(yields=False, feels=False)}, True, False),
+        ({"sensor": SimpleNamespace(pressed=0.0)}, True, True),
+        ({"sensor": SimpleNamespace(pressed=9.0)}, True, False),
+        ({"sensor": SimpleNamespace(pressed=9.0), "wrench_torque": "known"}, True, True),
+    ],
+)
+def test_a_loop_learns_where_its_torques_are_its_own(given: dict[str, Any], sound: bool, learns: bool) -> None:
+    driven = learning(**given)
+    driven._learn(LEARNED, REST, sound, reading(), POINT)
+    assert driven.learning == learns
+    assert driven.state is (LEARNED if learns else KEPT)
+
+
+@pytest.mark.parametrize(("error", "proves"), [(0.059, True), (0.06, False)])
+def test_an_estimate_is_proven_by_a_quarter_of_a_second_within_a_fifth_of_the_largest_error(
+    error: float, proves: bool
+) -> None:
+    driven = learning()
+    for _ in range(24):
+        driven._learn(LEARNED, REST, True, reading(p=[0.0, -error]), POINT)
+        assert driven.proven == "none"
+    for _ in range(2):  # a hundredth of a second each, to round-off
+        driven._learn(LEARNED, REST, True, reading(p=[0.0, -error]), POINT)
+    assert (driven.proven is LEARNED) == proves
+    driven._learn(LEARNED, REST, True, reading(p=[0.0, 0.1]), POINT)
+    assert driven.good == 0.0
+
+
+def test_lead_ins_are_as_documented_and_at_most_half_of_a_run() -> None:
+    assert _lengths(40.0) == [3.0, 5.0, 8.0, 12.0, 20.0]
+    assert _lengths(39.9) == [3.0, 5.0, 8.0, 12.0]
+    assert _lengths(1.0) == [3.0]
