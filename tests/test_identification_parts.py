@@ -34,6 +34,7 @@ from adaptctl.identification.preparation import (
     padded,
 )
 from adaptctl.identification.robot_motion import RobotLimits, RobotMotion
+from adaptctl.identification.student import student_quantile
 from adaptctl.identification.uncertainty import Student, Uncertainty, _words, combinations, scaled_inverse
 from adaptctl.identification.workspace import ReachableSpace
 
@@ -140,6 +141,12 @@ def test_a_link_without_extent_is_a_ball_of_aluminium() -> None:
     np.testing.assert_array_equal(_spread_enough(smaller), smaller)  # a hundredth of it is possible
     smaller = from_center_of_mass(mass, center, 0.4 * mass * (0.09 * radius) ** 2 * np.eye(3))
     np.testing.assert_allclose(_spread_enough(smaller), ball)
+
+
+@pytest.mark.parametrize("freedom", [1.0, 2.0, 4.0, 19.0, 1e4])
+def test_quantiles_are_those_of_student_s_distribution(freedom: float) -> None:
+    for share in (0.6, 0.975, 0.9995):
+        assert student_quantile(share, freedom) == pytest.approx(t.ppf(share, freedom), rel=1e-8)
 
 
 def test_the_wider_of_blocks_and_noise_counts_beside_bias() -> None:

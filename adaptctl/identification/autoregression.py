@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import solve_toeplitz
 
 from adaptctl.arrays import Array
 from adaptctl.identification.convolution import recursed
@@ -31,7 +30,7 @@ def autoregression(error: Array, parameters: float) -> tuple[Array, float]:
     if products[0] == 0.0:
         return np.zeros(ORDER), 0.0
     first = products[:ORDER] * np.where(np.arange(ORDER) == 0, 1.0 + 1e-9, 1.0)
-    found = solve_toeplitz(first, products[1:])
+    found = np.linalg.solve(first[np.abs(np.subtract.outer(range(ORDER), range(ORDER)))], products[1:])
     variance = max(float(products[0] - found @ products[1:]), 0.0) * n / max(n - parameters, 0.5 * n)
     whole = float(found.sum())
     if whole > 0.2:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dpotrf, dpotrs
 
 from adaptctl.arrays import Array
 from adaptctl.caching import cached_property
@@ -367,9 +366,10 @@ def _solver(matrix: Array) -> Callable[[Array], Array]:
     scale = 1.0 / np.sqrt(np.where(own > 0.0, own, 1.0))
     scaled = matrix * np.outer(scale, scale)
     for more in (0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-11, 1e-9, 1e-7):
-        factor, failed = dpotrf(scaled + more * np.eye(len(scaled)) if more else scaled, lower=True)
-        if not failed:
-            return lambda wanted: np.asarray(scale * dpotrs(factor, scale * wanted, lower=True)[0])
+        with suppress(np.linalg.LinAlgError):
+            raised = scaled + more * np.eye(len(scaled)) if more else scaled
+            np.linalg.cholesky(raised)
+            return lambda wanted: np.asarray(scale * np.linalg.solve(raised, scale * wanted))
     values, vectors = np.linalg.eigh(scaled)
     inverse = vectors / np.maximum(values, 1e-7 * values[-1]) @ vectors.T
     return lambda wanted: np.asarray(scale * (inverse @ (scale * wanted)))

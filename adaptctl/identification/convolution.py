@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.linalg.lapack import dtbtrs
-from scipy.special import i0
 
 from adaptctl.arrays import Array
 
@@ -13,12 +11,14 @@ from adaptctl.arrays import Array
 KAISER, TRANSFORMED = 5.0, 8
 # Segments of a spectrum and numbers of a median that are in memory at a time.
 SEGMENTS_AT_ONCE, NUMBERS_AT_ONCE = 16, 2**16
+# Rows that a recursion solves for at a time.
+RECURSED = 64
 
 
 def windowed_sinc(taps: int, cutoff: float, rate: float) -> Array:
     """Symmetric kernel (t,) of a low-pass filter that sums to 1, by Kaiser's window; `taps` is odd."""
     place = np.arange(taps) - 0.5 * (taps - 1)
-    window = i0(KAISER * np.sqrt(1.0 - (2.0 * place / max(taps - 1, 1)) ** 2)) / i0(KAISER)
+    window = np.kaiser(taps, KAISER)
     kernel = np.sinc(2.0 * cutoff / rate * place) * window
     return np.asarray(kernel / kernel.sum())
 
@@ -56,9 +56,16 @@ def spectrum(column: Array, rate: float, length: int) -> Array:
 
 def recursed(coefficients: Array, values: Array) -> Array:
     """Solution (n, k) of y_t = a_1 y_(t-1) + a_2 y_(t-2) + ... + x_t for columns (n, k) of x, from rest."""
-    bands = np.concatenate([[1.0], -coefficients])[:, None] * np.ones(len(values))
-    found, _ = dtbtrs(bands, values, uplo=b"L", diag=b"U")
-    return np.asarray(found)
+    order, last = len(coefficients), np.zeros((len(coefficients), values.shape[1]))
+    bands = np.eye(RECURSED) - sum(a * np.eye(RECURSED, k=-k - 1) for k, a in enumerate(coefficients.tolist()))
+    solved, found = np.linalg.inv(bands), np.empty_like(values)
+    carried = np.array([np.append(coefficients[i:], np.zeros(i)) for i in range(order)])[:, ::-1]
+    for start in range(0, len(values), RECURSED):
+        part = values[start : start + RECURSED].copy()
+        part[:order] += (carried @ last)[: len(part)]
+        found[start : start + RECURSED] = last = solved[: len(part), : len(part)] @ part
+        last = last[-order:]
+    return found
 
 
 def median_of_five(column: Array) -> Array:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigh
-from scipy.linalg.lapack import dpocon, dpotrf, dpotrs
 
 from adaptctl.arrays import Array
 from adaptctl.identification.filtered_dynamics import Rows
@@ -17,8 +16,8 @@ from adaptctl.identification.preparation import PreparedLog
 
 # Share of the largest eigenvalue of the scaled normal matrix below which a direction is not determined.
 MIN_EIGENVALUE_RATIO = 1e-10
-# Inverse condition number, as LAPACK estimates it, from which on all directions are determined.
-CLEARLY_DETERMINED = 1e-8
+# Least share of a column that those before it leave, from which on all directions are determined.
+CLEARLY_DETERMINED = 1e-3
 WEIGHTING_ROUNDS = 3
 
 
@@ -38,10 +37,10 @@ def _scaled_solution(A: Array, b: Array) -> Array:
 
 def _solution(scaled: Array, wanted: Array) -> Array:
     """Solution (c,) of scaled normal equations without directions that are not determined, which most have not."""
-    factor, failed = dpotrf(scaled, lower=True)
-    if not failed and dpocon(factor, np.abs(scaled).sum(axis=0).max(initial=0.0), uplo="L")[0] > CLEARLY_DETERMINED:
-        return np.asarray(dpotrs(factor, wanted, lower=True)[0])
-    values, vectors = eigh(scaled)
+    with suppress(np.linalg.LinAlgError):
+        if np.diag(np.linalg.cholesky(scaled)).min(initial=1.0) > CLEARLY_DETERMINED:
+            return np.asarray(np.linalg.solve(scaled, wanted))
+    values, vectors = np.linalg.eigh(scaled)
     kept = values > MIN_EIGENVALUE_RATIO * values[-1]
     return np.asarray(vectors[:, kept] @ ((vectors[:, kept].T @ wanted) / values[kept]))
 

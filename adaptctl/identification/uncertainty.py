@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import ndtri, stdtrit
 
 from adaptctl.arrays import Array, positive_per_joint
 from adaptctl.control.adaptation import PriorRanges
@@ -19,6 +19,7 @@ from adaptctl.errors import InputError
 from adaptctl.identifiability import EssentialSpace, ReducedModel, States, essential_space, reduce
 from adaptctl.identification.fit import Fit, LogEvidence
 from adaptctl.identification.robot_motion import RobotMotion
+from adaptctl.identification.student import student_quantile
 
 INTERVAL = 1.96
 """deviations of half an interval of 95 %"""
@@ -36,7 +37,7 @@ class Student(NamedTuple):
     @property
     def quantile_ratio(self) -> float:
         """Ratio of its 97.5 % quantile to that of the normal distribution."""
-        return float(stdtrit(self.blocks - 1, 0.975) / ndtri(0.975))
+        return student_quantile(0.975, self.blocks - 1) / NormalDist().inv_cdf(0.975)
 
 
 @dataclass(frozen=True, eq=False)
