@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -120,6 +119,8 @@ class IdentifiedPayload:
         >>> print(IdentifiedPayload("loaded.csv", "tool0", ten, 1e-4 * np.eye(10)).urdf().splitlines()[2])
             <origin xyz="0.0 0.0 0.1" rpy="0 0 0"/>
         """
+        from xml.sax.saxutils import quoteattr  # which brings the clients of networks with it
+
         inertia = self.inertia_at_center
         xyz = " ".join(repr(x) for x in self.center_of_mass.tolist())
         pairs = zip(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), inertia[np.triu_indices(3)].tolist(), strict=True)
