@@ -14,6 +14,7 @@ from typing import TextIO
 from cyclopts import App, CycloptsError, Parameter
 
 from adaptctl.cli.heartbeat import heartbeat
+from adaptctl.cli.memory import collecting_seldom
 from adaptctl.cli.numbers import none_missing, numbers_apart, plain_numbers
 from adaptctl.cli.refusals import called, reason
 from adaptctl.cli.robot import note_on
@@ -98,7 +99,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     given = numbers_apart(list(sys.argv[1:] if argv is None else argv))
     _write_any_character()
     heartbeat.doing("working")
-    with _warnings_as_notes(), watching(heartbeat.during):
+    with collecting_seldom(), _warnings_as_notes(), watching(heartbeat.during):
         try:
             with needed(called(given[: 3 if given[:1] == ["experiment"] else 1])):
                 if given[:2] == ["experiment", "run"]:
