@@ -60,6 +60,7 @@ ALIKE = {
     "adaptctl/logs/on_disk.py::_mapped os.fstat(file.fileno()).st_size < size -> "
     "os.fstat(file.fileno()).st_size <= size": ("a file that is made as long as it is stays as it is"),
     "adaptctl/contest/trial.py::_torques 0.1 -> 0.2 (again 1)": "any measurements tell if a law uses the links",
+    "adaptctl/contest/trial.py::<module> 3 -> 4": "as above: four steps tell what three do",
     "adaptctl/compilation/batch.py::batch MIN_STREAMED_BYTES // 8 -> MIN_STREAMED_BYTES * 8": (
         "arrays of any size have the same numbers, written past the cache or not"
     ),

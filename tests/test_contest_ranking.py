@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binom
 
+from adaptctl.contest import figures
 from adaptctl.contest.conditions import CONDITIONS
 from adaptctl.contest.contest_file import Contest
 from adaptctl.contest.figures import drawings, latex
@@ -281,3 +283,22 @@ def test_colors_tell_better_from_worse_and_failed() -> None:
     assert worse.red > better.red
     assert min(same) > 240
     assert failed not in (better, same, worse)
+
+
+def test_a_paper_gets_figures_a_table_and_what_to_cite(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[Any] = []
+    monkeypatch.setattr(
+        figures, "write_for_paper", lambda place, made: drawn.extend((place, *(one.name for one in made)))
+    )
+    ranking = Ranking([{**row, "curve": [1.0]} for row in rows_of(ROWS)])
+    figures.write_paper(tmp_path, ranking, ranking.table(), 20.0)
+    assert drawn == [tmp_path / "figures", "ranks", "map", "course"]
+    assert (tmp_path / "figures").is_dir()
+    assert r"\begin{tabular}" in (tmp_path / "table.tex").read_text()
+    assert re.match(r"@software\{adaptctl,\n.*version = \{[\w.+]+\},\n\}\n$", (tmp_path / "cite.bib").read_text(), re.S)
+
+
+def test_a_course_of_one_value_is_in_the_middle_of_the_run() -> None:
+    ranking = Ranking([{**row, "curve": [row["error"]]} for row in rows_of({"a": [2.0, 3.0]})])
+    (line,) = figures.course(ranking, 20.0).axes[0].lines
+    assert (line.get_xdata().tolist(), line.get_ydata().tolist()) == ([10.0], [2.5])
