@@ -59,6 +59,17 @@ ALIKE = {
     "adaptctl/logs/parquet.py::_long 8 -> 9": "a file is the same, read whole or by batches",
     "adaptctl/logs/on_disk.py::_mapped os.fstat(file.fileno()).st_size < size -> "
     "os.fstat(file.fileno()).st_size <= size": ("a file that is made as long as it is stays as it is"),
+    "adaptctl/logs/text.py::_long Path(path).stat().st_size < on_disk.LARGE -> "
+    "Path(path).stat().st_size <= on_disk.LARGE": ("a file is the same, read whole or by batches"),
+    "adaptctl/logs/on_disk.py::columns_of_file 8 * shape[0] * shape[1] < LARGE -> 8 * shape[0] * shape[1] <= LARGE": (
+        "columns are the same, in memory or on disk"
+    ),
+    "adaptctl/logs/on_disk.py::rowwise 8 * n * width < LARGE -> 8 * n * width <= LARGE": "as above",
+    "adaptctl/logs/on_disk.py::of_columns 8 * rows * width < LARGE -> 8 * rows * width <= LARGE": "as above",
+    "adaptctl/logs/on_disk.py::chosen 8 * rows * len(columns) < LARGE -> 8 * rows * len(columns) <= LARGE": "as above",
+    "adaptctl/logs/on_disk.py::one_by_one column.nbytes > LARGE // 8 -> column.nbytes >= LARGE // 8": (
+        "memory is given back by one column more or less"
+    ),
     "adaptctl/contest/trial.py::_torques 0.1 -> 0.2 (again 1)": "any measurements tell if a law uses the links",
     "adaptctl/contest/trial.py::<module> 3 -> 4": "as above: four steps tell what three do",
     "adaptctl/compilation/batch.py::batch MIN_STREAMED_BYTES // 8 -> MIN_STREAMED_BYTES * 8": (

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import re
+import warnings
 from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
@@ -258,3 +261,33 @@ def test_a_robot_of_a_package_is_found_there_or_the_package_is_named() -> None:
     with pytest.raises(NotFoundError, match="the package numpy has no file"):
         robot_path("{numpy}/x.urdf")
     assert Path(robot_path("{numpy}/numpy/version.py")).is_file()
+
+
+def test_conditions_have_the_rates_limits_and_times_that_they_state() -> None:
+    for name, condition in CONDITIONS.items():
+        told = condition.meaning
+        rate = re.search(r"(\d+) Hz", told)
+        assert condition.control_period == pytest.approx(1.0 / int(rate[1]) if rate else 1e-3)
+        share = re.search(r"torque limits of (\d+) %", told)
+        scene = scene_of(ARM, 1e-3)
+        limits = scene.tuning.torque_limits * (int(share[1]) / 100 if share else 1.0)
+        np.testing.assert_allclose(condition.plant(scene).torque_limits, limits, err_msg=name)
+        halt = re.search(r"stops at (\d+) s", told)
+        assert condition.halt == (float(halt[1]) if halt else 0.0)
+        event = re.search(r"(?:to|up at|dropped at) (\d+) s", told.replace("the same push, rising for 2 s", "to 11 s"))
+        assert condition.event == (float(event[1]) if event else None), name
+
+
+def test_warnings_of_a_law_fail_neither_its_times_nor_its_rows(monkeypatch: pytest.MonkeyPatch) -> None:
+    def warned(*of: Any) -> Any:
+        warnings.warn("of a law", stacklevel=1)
+        return {"making": 1.0, "compilation": 2.0, "step": float(os.environ["ADAPTCTL_CACHE"] == "off")}
+
+    monkeypatch.setenv("ADAPTCTL_CACHE", "")
+    monkeypatch.setattr(step_times, "_measured", warned)
+    with warnings.catch_warnings():
+        found = step_times.times_of(entry("true"))
+    assert [found[name] for name in step_times.NAMES] == [1.0, 2.0, 1.0]
+    monkeypatch.setattr(ContestEntry, "_under", lambda *of: [warned()])
+    with warnings.catch_warnings():
+        assert len(entry("true", "clean", "noise").rows()) == 2
