@@ -49,12 +49,12 @@ def test_the_truth_is_within_two_deviations(colour: float, count: int) -> None:
     assert 0.8 < np.sqrt(np.mean(z**2)) < 1.25
 
 
-def test_intervals_are_one_sided_at_zero_and_none_where_the_prior_decides() -> None:
+def test_intervals_are_one_sided_at_zero_and_none_where_logs_tell_nothing() -> None:
     """Ten parameters of a link and three of its drive, of which friction is known to be positive."""
     result, truth = found(1, 0.9)
     wide = 10.0 * np.abs(result.estimate)
-    shares = (np.arange(len(truth)) == 0).astype(np.float64)
-    rough = replace(result, deviations=wide, prior_shares=shares)
+    wide[0] = np.inf
+    rough = replace(result, interval_deviations=wide)
     assert np.isnan(rough.intervals[0]).all()
     lower = dict(zip(rough.names[1:], rough.intervals[1:, 0].tolist(), strict=True))
     assert lower["joint0.viscous"] == lower["joint2.coulomb"] == 0.0

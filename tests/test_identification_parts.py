@@ -149,16 +149,43 @@ def test_quantiles_are_those_of_student_s_distribution(freedom: float) -> None:
         assert student_quantile(share, freedom) == pytest.approx(t.ppf(share, freedom), rel=1e-8)
 
 
+def uncertain(**changes: Any) -> Uncertainty:
+    given = {"sampling": np.diag([1.0, 4.0]), "bias": np.diag([0.25, 0.0]), "nominal": np.diag([16.0, 25.0])}
+    more = {"student": Student(9), "alone": np.diag([16.0, 25.0]), "untold": np.array([], dtype=np.int64)}
+    return Uncertainty(**{**given, **more, **changes})
+
+
 def test_the_wider_of_blocks_and_noise_counts_beside_bias() -> None:
-    assert Student(5).quantile_ratio == pytest.approx(t.ppf(0.975, 4) / norm.ppf(0.975))
-    sampling, bias, serial = np.diag([1.0, 4.0]), np.diag([0.25, 0.0]), np.diag([9.0, 1.0])
-    found = Uncertainty(sampling, bias, np.diag([16.0, 25.0]), Student(9), serial)
+    """With Student's quantile for the blocks: 2.776 of four degrees of freedom, 1.96 of many."""
+    assert Student(5).quantile_ratio == pytest.approx(2.776 / 1.96, rel=1e-3)
+    assert Student(10_000).quantile_ratio == pytest.approx(1.0, rel=1e-3)
+    found = uncertain(serial=np.diag([9.0, 1.0]))
     ratio = t.ppf(0.975, 8) / norm.ppf(0.975)
     both = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, -1.0]])
     widths = [9.0 + 0.25, 4.0 * ratio**2, max(5.0 * ratio**2, 10.0) + 0.25]
     np.testing.assert_allclose(found.of(both), np.sqrt(widths))
     np.testing.assert_allclose(found.nominal_of(both), [4.0, 5.0, np.sqrt(41.0)])
     np.testing.assert_array_equal(found.covariance, np.diag([1.25, 4.0]))
+
+
+@pytest.mark.parametrize(
+    ("bias", "alone", "untold", "reach"),
+    [
+        (1.0, 1e4, [], np.sqrt(2.0)),  # half by the prior: not more
+        (8.0, 81.0, [], 3.0),  # rows tell nearly as much by themselves
+        (8.0, 81.1, [], 2.0 * np.sqrt(81.1)),  # by rows alone, whose deviations are twice those for white residuals
+        (8.0, 81.1, [0], np.inf),
+        (8.0, 81.1, [1], 2.0 * np.sqrt(81.1)),
+        (8.0, 81.0, [0], 3.0),
+    ],
+)
+def test_intervals_are_of_the_rows_alone_where_the_prior_decides(
+    bias: float, alone: float, untold: list[int], reach: float
+) -> None:
+    each = {"bias": bias, "nominal": 0.25, "serial": 1.0, "sampling": 0.0, "alone": alone}
+    found = uncertain(**{name: np.diag([size, 1.0]) for name, size in each.items()}, untold=np.array(untold, int))
+    assert found.for_intervals(np.eye(2))[0] == pytest.approx(reach)
+    assert found.of(np.eye(2))[0] == pytest.approx(np.sqrt(1.0 + bias))
 
 
 def test_an_inverse_is_that_of_the_kept_rows_whatever_their_units() -> None:

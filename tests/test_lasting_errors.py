@@ -18,7 +18,7 @@ from adaptctl.identification.fit import FitSettings
 from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.gathering import gathered
 from adaptctl.identification.identify import identified
-from adaptctl.identification.uncertainty import Student, Uncertainty, inverse_curvature
+from adaptctl.identification.uncertainty import Student, inverse_curvature
 
 
 def found(case: Known) -> Identification:
@@ -75,15 +75,3 @@ def test_noise_that_lasts_is_told_from_residuals(persistence: float) -> None:
     assert variance == pytest.approx(1.0, rel=0.03)
     assert variance / (1.0 - coefficients.sum()) ** 2 == pytest.approx(1.0 / (1.0 - persistence) ** 2, rel=0.1)
     assert not autoregression(np.zeros(50), 1.0)[0].any()
-
-
-def test_the_wider_of_blocks_and_noise_counts_and_bias_comes_on_top() -> None:
-    """With Student's quantile for the blocks: 2.776 of four degrees of freedom, 1.96 of many."""
-    assert Student(5).quantile_ratio == pytest.approx(2.776 / 1.96, rel=1e-3)
-    assert Student(10_000).quantile_ratio == pytest.approx(1.0, rel=1e-3)
-    one = np.eye(1)
-    whole = Uncertainty(4.0 * one, 9.0 * one, one, Student(5), 1.0 * one)
-    assert whole.of(one)[0] == pytest.approx(np.sqrt(9.0 + 4.0 * (2.776 / 1.96) ** 2), rel=1e-3)
-    assert replace(whole, serial=40.0 * one).of(one)[0] == pytest.approx(7.0)
-    assert whole.covariance[0, 0] == 13.0
-    assert whole.nominal_of(one)[0] == 1.0

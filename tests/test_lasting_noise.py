@@ -49,3 +49,11 @@ def test_noise_that_lasts_is_told_from_other(colour: float, lasts: bool) -> None
     assert bool(choose(evidence, FrictionModel(), 1.0, evidence.band).settings.lasting) is lasts
     assert lasting_times(evidence, replace(settings, left_out=(1,)))[1:] in ((), (0.0,))
     assert max(lasting_times(evidence.part(range(6)), settings), default=0.0) < 1.0  # of 9 s
+
+
+@pytest.mark.parametrize(("time", "seed"), [(0.3, 0), (0.3, 5), (1.0, 0), (1.0, 5)])
+def test_how_long_noise_lasts_is_that_of_the_log(time: float, seed: int) -> None:
+    case = known(seed, links=2, duration=50.0, rate=100.0, colour=float(np.exp(-0.01 / time)))
+    evidence = gathered(case.guess, case.drives, [case.log])[0]
+    found = lasting_times(evidence, FitSettings(FrictionModel(), 1.0, evidence.band, 0.02))
+    assert set(found) == {time}

@@ -101,7 +101,7 @@ def _sprung(evidence: LogEvidence, settings: FitSettings) -> list[FitSettings]:
 
 
 def _lasting(evidence: LogEvidence, settings: FitSettings) -> list[FitSettings]:
-    """Settings as they are, and with noise that lasts, if deviations are less so."""
+    """Settings as they are, and with noise that lasts, if any joint's does."""
     times = lasting_times(evidence, replace(settings, cutoff=evidence.band))
     return [settings, replace(settings, lasting=times)] if times else [settings]
 

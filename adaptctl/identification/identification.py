@@ -21,9 +21,6 @@ from adaptctl.identification.preparation import PreparationStep
 from adaptctl.identification.uncertainty import INTERVAL, Combination, unexcited
 from adaptctl.identification.validation import Validation
 
-# Share of the squared deviations by the prior from which on there is no interval.
-MAX_PRIOR_SHARE = 0.5
-
 
 @dataclass(frozen=True, eq=False)
 class Identification:
@@ -75,9 +72,9 @@ class Identification:
         Hypotheses about what the logs' columns mean, the log as it is first, with their errors. None by default.
     payloads : tuple of IdentifiedPayload, optional
         Bodies carried in a log of which mass, centre or inertia was identified. None by default.
-    prior_shares : numpy.ndarray, optional
-        Shares (k,) of the squared deviations that come from what the logs leave to the prior, 0 where these alone would
-        give deviations up to three times as large. Default: unknown.
+    interval_deviations : numpy.ndarray, optional
+        Deviations (k,) in SI units for the intervals: those of the logs alone where the prior decides, infinite where
+        these tell nothing. Default: `deviations`.
 
     Examples
     --------
@@ -112,7 +109,7 @@ class Identification:
     drives: Drives
     hypotheses: tuple[TriedHypothesis, ...] = ()
     payloads: tuple[IdentifiedPayload, ...] = ()
-    prior_shares: Array | None = None
+    interval_deviations: Array | None = None
 
     def __repr__(self) -> str:
         error = f"torque error {self.validation.relative_error:.2%}"
@@ -130,14 +127,15 @@ class Identification:
 
     @property
     def intervals(self) -> Array:
-        """Intervals (k, 2) of 95 %, from 0 on where negative values cannot be; NaN where the prior decides more."""
+        """Intervals (k, 2) of 95 %, from 0 on where negative values cannot be; NaN where logs tell nothing."""
         from_zero = np.array(
             [_is_positive(name, row) for name, row in zip(self.names, self.model.regrouping, strict=True)]
         )
-        lower, upper = self.estimate - INTERVAL * self.deviations, self.estimate + INTERVAL * self.deviations
+        own = self.interval_deviations
+        half = INTERVAL * (self.deviations if own is None else own)
+        lower, upper = self.estimate - half, self.estimate + half
         found = np.column_stack([np.where(from_zero, np.maximum(lower, 0.0), lower), upper])
-        if self.prior_shares is not None:
-            found[self.prior_shares > MAX_PRIOR_SHARE] = np.nan
+        found[~np.isfinite(half)] = np.nan
         return found
 
     @property

@@ -366,7 +366,7 @@ def _result(
         tuple(combinations(fit.curvature[np.ix_(kept, kept)], model.names)),
         tuple(evidence.motions),
         evidence.drives,
-        prior_shares=np.maximum(spread.bias_shares(onto), rough > 0.0),
+        interval_deviations=np.where(rough > 0.0, np.inf, spread.for_intervals(onto)),
     )
 
 

@@ -278,7 +278,7 @@ def _parameters(found: Identification) -> Section:
 
 def _without_interval(found: Identification) -> str:
     none = [name for name, ends in zip(found.names, found.intervals, strict=True) if np.isnan(ends).any()]
-    return f" {', '.join(none)}: no interval, the prior decides more than the logs." if none else ""
+    return f" {', '.join(none)}: no interval, the logs do not tell them." if none else ""
 
 
 def _excited(found: Identification) -> Section:

@@ -24,9 +24,10 @@ from adaptctl.identification.student import student_quantile
 INTERVAL = 1.96
 """deviations of half an interval of 95 %"""
 
-# Deviations that rows without a prior leave, over those with it, up to which the rows tell a parameter; and the share
-# of a scaled normal matrix that all directions have, so that none is certain that rows do not tell.
-NEARLY_TOLD, LEAST_TOLD = 3.0, 1e-10
+# Share of the squared deviations by the prior from which on it decides, and deviations that rows without a prior leave,
+# over those with it, up to which it does not; the share of a scaled normal matrix that all directions have, so that
+# none is certain that rows do not tell; and squares of deviations over a column's own from where on rows tell nothing.
+MAX_PRIOR_SHARE, NEARLY_TOLD, LEAST_TOLD, UNTOLD = 0.5, 3.0, 1e-10, 1e8
 
 
 class Student(NamedTuple):
@@ -42,14 +43,19 @@ class Student(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """Covariances (P, P) of a fit's parameters: over blocks, for white and lasting noise, by bias, without a prior."""
+    """
+    Covariances (P, P) of a fit's parameters: over blocks, for white and lasting noise, by bias, without a prior.
+
+    Without a prior, some columns are not told.
+    """
 
     sampling: Array
     bias: Array
     nominal: Array
     student: Student
+    alone: Array
+    untold: NDArray[np.int64]
     serial: Array | None = None
-    alone: Array | None = None
 
     @property
     def covariance(self) -> Array:
@@ -62,12 +68,16 @@ class Uncertainty:
         lasting = 0.0 if self.serial is None else _variances(combinations, self.serial)
         return np.sqrt(np.maximum(sampled, lasting) + _variances(combinations, self.bias))
 
-    def bias_shares(self, combinations: Array) -> Array:
-        """Shares (k,) of the squared deviations of combinations (k, P) by bias, 0 where rows nearly tell as much."""
-        whole = self.of(combinations) ** 2
-        found = np.divide(_variances(combinations, self.bias), whole, out=np.ones(len(whole)), where=whole > 0.0)
-        told = False if self.alone is None else _variances(combinations, self.alone) <= NEARLY_TOLD**2 * whole
-        return np.where(told, 0.0, found)
+    def for_intervals(self, combinations: Array) -> Array:
+        """Deviations (k,) for intervals: of the rows alone where the prior decides, infinite if these tell nothing."""
+        # Of rows alone they are a column's own, and no less relative to those for white residuals.
+        found, alone = self.of(combinations), np.sqrt(_variances(combinations, self.alone))
+        bias, nominal = _variances(combinations, self.bias), self.nominal_of(combinations)
+        rest = np.sqrt(np.maximum(found**2 - bias, 0.0))
+        decided = (bias > MAX_PRIOR_SHARE * found**2) & (alone > NEARLY_TOLD * found)
+        told = ~np.any(combinations[:, self.untold], axis=1)
+        more = np.maximum(np.divide(rest, nominal, out=np.ones_like(rest), where=nominal > 0.0), 1.0)
+        return np.where(decided, np.where(told, more * alone, np.inf), found)
 
     def nominal_of(self, combinations: Array) -> Array:
         """Standard deviations (k,) of combinations (k, P) for white residuals."""
@@ -94,8 +104,10 @@ def uncertainty(evidence: LogEvidence, fit: Fit) -> Uncertainty:
     sampling = (len(steps) - 1) / len(steps) * spread.T @ spread
     determined = float(np.trace((inverse @ fit.curvature)[:links, :links]))
     moved = 2.0 * prior.distance(fit.x) / max(determined, 1.0)
-    bias, alone = weight * moved * inverse @ pull @ inverse, _alone(fit.curvature, evidence.independent(fit.settings))
-    return Uncertainty(sampling, bias, inverse, Student(len(steps)), alone=alone)
+    bias, columns = weight * moved * inverse @ pull @ inverse, evidence.independent(fit.settings)
+    alone, own = _alone(fit.curvature, columns), np.diag(fit.curvature)
+    untold = columns[np.diag(alone)[columns] * own[columns] > UNTOLD]
+    return Uncertainty(sampling, bias, inverse, Student(len(steps)), alone, untold)
 
 
 def _alone(curvature: Array, columns: NDArray[np.int64]) -> Array:
