@@ -6,7 +6,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from _pytest.doctest import DoctestModule, DoctestTextfile
 
@@ -26,6 +25,8 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
 @cache
 def _shared() -> dict[str, Any]:
     """A planar arm of two links and what is made of it, once per process."""
+    import numpy as np  # not above: it reads what tests/conftest.py sets
+
     import adaptctl
     from adaptctl.envs import TrackingEnv
     from adaptctl.simulation import Plant
@@ -55,5 +56,7 @@ def _elsewhere(request: pytest.FixtureRequest) -> None:
 def _names(request: pytest.FixtureRequest, doctest_namespace: dict[str, Any], tmp_path_factory: Any) -> None:
     """What examples need not import; arrays and generators are new for each."""
     if isinstance(request.node.parent, DoctestModule):
+        import numpy as np
+
         own = {"p": np.array([0.3, 0.5]), "v": np.array([0.2, -0.1]), "rng": np.random.default_rng(0)}
         doctest_namespace.update(_shared() | own | {"tmp": tmp_path_factory.mktemp("example")})
