@@ -35,6 +35,9 @@ if sys.dont_write_bytecode:
     os.environ["PYTHONPYCACHEPREFIX"] = _bytecode.name
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
+# Nothing that is collected goes before the session ends.
+gc.disable()
+
 # `make test` draws the same cases each time, so that a red run is a change's own; `make search` draws others each time.
 settings.register_profile("same", deadline=None, derandomize=True, database=None, max_examples=40)
 settings.register_profile("search", deadline=None, print_blob=True)
@@ -72,6 +75,25 @@ def _undrawn(request: pytest.FixtureRequest) -> Iterator[None]:
         yield
 
 
+def read_here(arguments: list[str], *_: object) -> int:
+    """What a process of its own does with a log, but for the bounds of its memory and time."""
+    from adaptctl.logs import child
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(child, "_bounded", lambda *_: None)
+        child.main(arguments)
+    return 0
+
+
+@pytest.fixture(autouse=True)
+def _unisolated(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Binary logs are read here, but in tests marked `isolated`: to start a process takes longer than to read."""
+    with pytest.MonkeyPatch.context() as patch:
+        if not request.node.get_closest_marker("isolated"):
+            patch.setattr("adaptctl.logs.isolated._run", read_here)
+        yield
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _interruptible() -> None:
     """Ctrl-C interrupts, also where a shell began the tests in the background and has it ignored."""
@@ -91,6 +113,7 @@ def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(20_000, 20, 20)
+    gc.enable()
 
 
 @pytest.fixture(scope="module")

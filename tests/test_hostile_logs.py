@@ -114,6 +114,7 @@ def foxglove(path: Path, encoding: str = "json", topics: tuple[str, ...] = ("/ar
     return path
 
 
+@pytest.mark.isolated
 def test_joint_states_of_foxglove_are_read(tmp_path: Path) -> None:
     log = read_mcap(foxglove(tmp_path / "log.mcap"))
     assert list(log.columns) == ["time", *(f"{what}.{name}" for what in ("position", "effort") for name in NAMES)]
@@ -249,6 +250,7 @@ def test_files_of_one_log_are_joined(tmp_path: Path) -> None:
         read_log(f"{tmp_path}/q.txt+{tmp_path}/short.csv")
 
 
+@pytest.mark.isolated
 def test_a_bomb_is_refused_soon_and_without_memory(tmp_path: Path) -> None:
     place = next(bag(tmp_path / "bag").glob("*.mcap"))
     packed = zstd.compress(bytes(500 * 2**20))
@@ -276,6 +278,7 @@ def test_a_bomb_is_refused_soon_and_without_memory(tmp_path: Path) -> None:
     assert time.monotonic() - begin < 20.0
 
 
+@pytest.mark.isolated
 def test_a_reader_that_waits_or_grows_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     os.mkfifo(tmp_path / "log.mcap")
     monkeypatch.setattr(isolated, "TIME", 0.5)
@@ -299,6 +302,7 @@ def real(tmp_path: Path) -> Iterator[Path]:
     yield foxglove(tmp_path / "foxglove.mcap")
 
 
+@pytest.mark.isolated
 @pytest.mark.parametrize("every", [False, at_night(True)])
 def test_mutated_files_are_read_or_refused_in_one_line(every: bool, tmp_path: Path) -> None:
     """By the bounded process: the packages abort on some, or ask for any memory."""

@@ -51,6 +51,7 @@ def rewritten(path: Path, **changes: float) -> Path:
     return path
 
 
+@pytest.mark.isolated
 @pytest.mark.parametrize("made", mostly_at_night([rollout, trace], trace))
 def test_own_tables_are_read_as_logs(tmp_path: Path, made: object) -> None:
     file = made(tmp_path / "run.parquet")  # type: ignore[operator]
