@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
-from functools import lru_cache
+from functools import cache, lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -182,6 +182,7 @@ def _sines(text: str, lanes: Lanes) -> str:
     return "\n".join([*near, lanes.filled("sincos_reduction", tag=f".{lanes.count}", **limits)])
 
 
+@cache
 def _near_sines(lanes: Lanes) -> str:
     sine, tag, last = sine_for(lanes.precision), f".{lanes.count}", 8 * lanes.size - 1
     near = trace(lambda x: sine.reduced(x[0]), {"x": 1})
