@@ -94,6 +94,13 @@ def _unisolated(request: pytest.FixtureRequest) -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _uncollected() -> Iterator[None]:
+    """What a module leaves is kept for later ones: no collection looks at it again."""
+    yield
+    gc.freeze()
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _interruptible() -> None:
     """Ctrl-C interrupts, also where a shell began the tests in the background and has it ignored."""
