@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     Handler = Callable[[int, FrameType | None], Any] | signal.Handlers
 
 INTERRUPTED = 130
-COLLECTED = 200_000, 10, 10
+COLLECTED = 1_000_000, 10, 10
 """Thresholds of the collector of cycles, which equations do not have: to look for them took a tenth of a command."""
 
 

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 from adaptctl.errors import TraceError
 
 _TRACER = "adaptctl.compilation.routine"
+_OF_ANOTHER = "a value of another trace was used; pass it to the function as an argument"
 _SCALARS = ("adaptctl.compilation.", "adaptctl.scalars.", "numpy.")
 
 
@@ -93,7 +94,9 @@ class Graph:
         key = (op, operands, detail)
         found = self._expressions.get(key)
         if found is None:
-            self.validate_own(operands)
+            for x in operands:
+                if isinstance(x, Expression) and x.graph is not self:
+                    raise untraceable(_OF_ANOTHER)
             found = self._expressions[key] = kind(self, len(self._expressions), op, operands, detail)
         return found  # type: ignore[return-value]  # an operation has one kind
 
@@ -118,7 +121,7 @@ class Graph:
         """Raise `TraceError` if a value is of another graph."""
         for x in values:
             if isinstance(x, Expression) and x.graph is not self:
-                raise untraceable("a value of another trace was used; pass it to the function as an argument")
+                raise untraceable(_OF_ANOTHER)
 
 
 def reachable(outputs: Iterable[Any]) -> list[Expression]:
@@ -135,13 +138,16 @@ def reachable(outputs: Iterable[Any]) -> list[Expression]:
 
 def add(x: Any, y: Any) -> Any:
     """Sum `x + y`."""
-    if _is(x, 0.0) or _is(y, 0.0):
-        return y if _is(x, 0.0) else x
-    if _does(y, Op.NEGATE):
+    if isinstance(y, float):
+        x, y = y, x
+    if isinstance(x, float) and x == 0.0:
+        return y
+    if y.op is Op.NEGATE:
         return subtract(x, y.operands[0])
     if _does(x, Op.NEGATE):
         return subtract(y, x.operands[0])
-    return _make(Op.ADD, *_ordered(x, y))
+    x, y = _ordered(x, y)
+    return y.graph.make(type(y), Op.ADD, x, y)
 
 
 def subtract(x: Any, y: Any) -> Any:
@@ -244,6 +250,6 @@ def _does(x: Any, op: Op) -> bool:
 
 def _ordered(x: Any, y: Any) -> tuple[Any, Any]:
     """Constants first, then what was made first."""
-    if not isinstance(x, Expression) or (isinstance(y, Expression) and x.index <= y.index):
+    if isinstance(x, float) or (not isinstance(y, float) and x.index <= y.index):
         return x, y
     return y, x

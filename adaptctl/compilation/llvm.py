@@ -218,8 +218,8 @@ def pieces(body: Sequence[Expression], given: Container[int] = ()) -> list[Piece
         return [Piece(whole, {}, {})]
     parts = [_with_truths(part) for part in (whole, *others)]
     homes = {x.index: k for k, part in reversed(list(enumerate(parts))) for x in part}
-    used = [_operands(x for x in part if x.index not in given) for part in parts]
-    needed = [{y.index for y in ys if y.index not in given and homes[y.index] < k} for k, ys in enumerate(used)]
+    used = [_operands(part, given) for part in parts]
+    needed = [{i for i in indices if homes[i] < k} for k, indices in enumerate(used)]
     places = _places(homes, needed)
     made = []
     for k, part in enumerate(parts):
@@ -245,9 +245,10 @@ def _with_truths(part: Sequence[Expression]) -> Sequence[Expression]:
     return sorted((*part, *elsewhere), key=lambda x: x.index) if elsewhere else part
 
 
-def _operands(part: Iterable[Expression]) -> set[Expression]:
-    used = {y for x in part for y in x.operands if isinstance(y, Expression)}
-    return {y for y in used if y.op not in _NOT_PASSED}
+def _operands(part: Iterable[Expression], given: Container[int]) -> set[int]:
+    """Indices of what a part uses and is not given."""
+    used = {y for x in part if x.index not in given for y in x.operands if isinstance(y, Expression)}
+    return {y.index for y in used if y.op not in _NOT_PASSED and y.index not in given}
 
 
 def _places(homes: dict[int, int], needed: Sequence[set[int]]) -> dict[int, int]:

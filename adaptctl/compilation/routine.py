@@ -343,7 +343,7 @@ class Invariants(NamedTuple):
                 found._store_together(group)
         for values in (*calls, *(x.operands for x in later if x.op is not Op.CALL), routine.outputs):
             for x in values:
-                if found._any((x,)) and x.index not in found.places:
+                if isinstance(x, Expression) and x in found.computed and x.index not in found.places:
                     found._store((x,))
         return found
 
@@ -388,9 +388,12 @@ def _same(body: Sequence[Expression], held: Collection[int]) -> set[Expression]:
     same: set[Expression] = set()
     for x in body:
         if x.op is Op.INPUT:
-            stays = x.detail[0] in held
-        else:
-            stays = x.op not in _IN_EACH_STEP and all(y in same for y in x.operands if isinstance(y, Expression))
-        if stays:
-            same.add(x)
+            if x.detail[0] in held:
+                same.add(x)
+        elif x.op not in _IN_EACH_STEP:
+            for y in x.operands:
+                if isinstance(y, Expression) and y not in same:
+                    break
+            else:
+                same.add(x)
     return same
