@@ -368,7 +368,7 @@ def _driven(env: gymnasium.Env[Any, Any], mechanism: Mechanism, controller: Cont
             if live.is_seen:
                 return stepped(LiveView(env, live), controller, **how)
     ours = getattr(type(getattr(env.unwrapped, "plant", None)), "step", Plant.step) is Plant.step
-    return (simulated if ours else stepped)(env, controller, **how)
+    return (partial(simulated, once=True) if ours else stepped)(env, controller, **how)
 
 
 def law_of(controller: Controller[Any]) -> str:

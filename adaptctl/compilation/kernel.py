@@ -182,7 +182,7 @@ class Kernel:
         """Code for one sample."""
         if self._single is None and has_builtins():
             routine = self._routine()
-            text, symbol, pieces = program(routine, Lanes())
+            text, symbol, pieces, _ = program(routine, Lanes())
             entry = builtin_source(routine, symbol, finite=self._finite, form=self._form)
             self._single = load(f"{text}\n{entry}", pieces=pieces)
         return self._single
@@ -284,7 +284,7 @@ class Kernel:
         if self._many is None:
             processor, routine = Processor.host(), self._routine()
             lanes = Lanes(processor.lanes)
-            text, symbol, pieces = program(routine, lanes)
+            text, symbol, pieces, _ = program(routine, lanes)
             checked = {"inputs": self._finite is True, "outputs": bool(self._finite)}
             code = load(f"{text}\n{batch(routine, symbol, lanes, checked)}", processor, pieces)
             self._many = code, NativeBatch(code.address(ENTRY))

@@ -10,6 +10,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from adaptctl.compilation.function_body import FunctionBody
+from adaptctl.compilation.fusing import fused
 from adaptctl.compilation.graph import Expression, Op
 from adaptctl.compilation.landing import NOWHERE, Landings, landings
 from adaptctl.compilation.lanes import Lanes
@@ -27,13 +28,14 @@ class Program(NamedTuple):
     """
     LLVM IR of a routine with its calls, and its function's name.
 
-    `pieces` is a module beside it, for code that is made quickly: of a routine in pieces that calls loops on matrices,
-    which take most of its time.
+    `pieces` is a module beside it, for code that is made quickly: of a routine for few steps, or of one in pieces that
+    calls loops on matrices, which take most of its time.
     """
 
     text: str
     symbol: str
     pieces: str = ""
+    quick: bool = False
 
 
 def program(
@@ -42,8 +44,9 @@ def program(
     same: Invariants = NONE,
     uniform: Container[int] = (),
     apart: Mapping[Any, str] = MappingProxyType({}),
+    quick: bool = False,
 ) -> Program:
-    """Program of a routine; routines `apart` have another module."""
+    """Program of a routine; routines `apart` have another module. Code in one lane can be for few steps (`quick`)."""
     symbols = _symbols(routine) | dict(apart)
     declared = [f"declare void @{symbol}({', '.join(_pointers(r, NONE))})" for r, symbol in apart.items()]
     called = {r: _called(r, symbols, lanes) for r in symbols if r is not routine and r not in apart}
@@ -55,13 +58,15 @@ def program(
         functions.append(_function(before, parts[before], symbols, lanes))
         parts[routine] = pieces(same.left(routine), {**same.places, **landed})
     own = _function(routine, parts[routine], symbols, lanes, same, uniform)
-    if len(parts[routine]) == 1 or all(isinstance(r, Routine) for r in symbols):
+    whole = len(parts[routine]) == 1 or all(isinstance(r, Routine) for r in symbols)
+    if whole and not quick:
         return Program(_with_sines([*functions, own], lanes), symbol)
+    own = fused(own) if whole else own
     declared += [f"declare void @{symbols[r]}({', '.join(_pointers(r, NONE))})" for r in called]
     functions = [text.replace("define internal void", "define void") for text in functions]
     functions.append(f"declare void @{symbol}({', '.join(_pointers(routine, same))})")
     own = own.replace(f"define internal void @{symbol}(", f"define void @{symbol}(")
-    return Program(_with_sines(functions, lanes), symbol, _with_sines([*declared, own], lanes))
+    return Program(_with_sines(functions, lanes), symbol, _with_sines([*declared, own], lanes), whole)
 
 
 def _with_sines(functions: Sequence[str], lanes: Lanes) -> str:

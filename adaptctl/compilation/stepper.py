@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import whole_count
 from adaptctl.compilation.lanes import Array, LaneArray, Lanes, Precision
 from adaptctl.compilation.llvm import PROLOGUE_SUFFIX, module_of, program, worth_a_module
-from adaptctl.compilation.native import NativeCode, Processor, load, load_shared
+from adaptctl.compilation.native import LEVEL, NativeCode, Processor, load, load_shared, optimization
 from adaptctl.compilation.routine import Invariants, Operations, Routine, trace
 from adaptctl.errors import InputError
 
@@ -102,6 +102,7 @@ def compile_step(
     name: str = "",
     processor: Processor | None = None,
     precision: Precision = "double",
+    quick: bool = False,
 ) -> Stepper:
     """
     Compile a step that advances many independent systems (members) at once by SIMD instructions.
@@ -127,6 +128,9 @@ def compile_step(
         Processor to compile for; this machine's by default.
     precision : {"double", "single"}, default "double"
         Precision of the numbers. Double by default; single has twice the lanes, but 7 digits.
+    quick : bool, default False
+        True for few steps of one lane: the code is compiled in a third of the time, and takes a third longer. Results
+        may differ by round-off; equations of arms give the same bits. By default it is optimized.
 
     Returns
     -------
@@ -157,7 +161,7 @@ def compile_step(
         raise InputError("state, constants, inputs and per_member_inputs: expected distinct names")
     target = processor or Processor.host()
     several = Lanes(target.lanes_of(precision) if lanes is None else whole_count(lanes, "lanes", 1), precision)
-    return Stepper(trace(step, arguments, name=name), columns, several, target)
+    return Stepper(trace(step, arguments, name=name), columns, several, target, quick)
 
 
 class Stepper:
@@ -175,6 +179,8 @@ class Stepper:
         Number of members computed at once, and precision of the numbers.
     processor : Processor
         Processor to compile for.
+    quick : bool, default False
+        True for code of one lane that is compiled quickly.
 
     Raises
     ------
@@ -194,7 +200,14 @@ class Stepper:
     ((2,),)
     """
 
-    def __init__(self, routine: Routine, columns: Mapping[Source, Columns], lanes: Lanes, processor: Processor) -> None:
+    def __init__(
+        self,
+        routine: Routine,
+        columns: Mapping[Source, Columns],
+        lanes: Lanes,
+        processor: Processor,
+        quick: bool = False,
+    ) -> None:
         self.name, self.lanes = routine.name, lanes.count
         self.precision, self.dtype = lanes.precision, lanes.dtype
         self.columns = MappingProxyType({source: MappingProxyType(dict(part)) for source, part in columns.items()})
@@ -211,7 +224,8 @@ class Stepper:
         first = len(state) + len(columns[Source.HELD])
         self._called, apart = _shared(routine, lanes, processor) if lanes.count == 1 else ([], {})
         shared = range(first, first + len(columns[Source.SHARED]))
-        text, symbol, pieces = program(routine, lanes, same, shared, apart)
+        quick = quick and lanes.count == 1 and optimization() == LEVEL
+        text, symbol, pieces, self.quick = program(routine, lanes, same, shared, apart, quick)
         lengths = {source: tuple(part.values()) for source, part in columns.items()}
         self._code = load(f"{text}\n{loop(routine, symbol, lanes, lengths, len(same.stored))}", processor, pieces)
         self.native = NativeLoop(self._code.address(ENTRY))

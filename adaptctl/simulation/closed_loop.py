@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from math import inf
 from time import perf_counter
 from typing import Any, NamedTuple, TypeAlias
 
@@ -27,6 +28,8 @@ from adaptctl.simulation.plant import Plant
 from adaptctl.simulation.references import REFERENCE
 
 _NOTHING = (Column(()), Column(()))
+QUICK_PERIODS = 50_000
+"""control periods up to which what optimized code would save is less than its compilation takes"""
 LATE = "late"
 """column of 1 where torques act a period late, in a single loop of a controller that remembers its last torque"""
 
@@ -174,10 +177,15 @@ class ClosedLoop:
     def _parts(self) -> tuple[Structure, Structure]:
         return self.plant.structure, self.controller.structure
 
-    @lru_cache(maxsize=8)  # noqa: B019  # some code is worth keeping, and its loop with it
-    def compiled(self) -> Stepper:
+    def compiled(self, periods: float = inf) -> Stepper:
         """
         Compile one control period of plant and controller to native code.
+
+        Parameters
+        ----------
+        periods : float, default infinity
+            Control periods that will be computed, without a unit; for up to 50,000 the code is compiled quickly, and
+            runs slower. By default it is optimized.
 
         Returns
         -------
@@ -190,9 +198,22 @@ class ClosedLoop:
         TraceError
             If the controller's law cannot be traced into an expression graph.
         """
+        codes = self._codes()
+        quick = periods <= QUICK_PERIODS and False not in codes
+        if quick not in codes:
+            made = self._made(quick)
+            codes |= {quick: made, made.quick: made}
+        return codes[quick]
+
+    @lru_cache(maxsize=8)  # noqa: B019  # some code is worth keeping, and its loop with it
+    def _codes(self) -> dict[bool, Stepper]:
+        """Code of this loop, for few periods and for any."""
+        return {}
+
+    def _made(self, quick: bool) -> Stepper:
         shared, name = self.reference | self.noise, type(self.controller).__name__
         held = self.held | ({LATE: 1} if isinstance(self.controller._blank, AdaptiveState) else {})
-        return compile_step(self.step, state=self.state, constants=held, inputs=shared, lanes=1, name=name)
+        return compile_step(self.step, state=self.state, constants=held, inputs=shared, lanes=1, name=name, quick=quick)
 
     def step(self, **columns: Column) -> tuple[Any, ...]:
         """

@@ -111,8 +111,9 @@ def simulated(
     record_every: int = 1,
     keep_last: float | None = None,
     stream: str | Path | None = None,
+    once: bool = False,
 ) -> Rollout:
-    """Simulate as `simulate` does, without a word on a run that diverged."""
+    """Simulate as `simulate` does, without a word on a run that diverged; `once` with code that is made for one run."""
     _, period = interface(env, controller)
     kept = KeptSamples.of(record_every, keep_last, period)
     try:
@@ -133,7 +134,7 @@ def simulated(
         return run
     episode = episode._replace(steps=min(episode.steps, known_steps(env) or episode.steps))
     if stream is None:
-        return EpisodeRun(episode, controller, kept).driven(progress)
+        return EpisodeRun(episode, controller, kept, once=once).driven(progress)
     with RolloutFile(stream, controller.dof, None, position_units(episode.plant.mechanism)) as file:
         result = EpisodeRun(episode, controller, kept, file).driven(progress)
         file.about = {name: getattr(result, name) for name in STORED_ENTRIES}
@@ -180,10 +181,12 @@ class EpisodeRun(Driven):
         controller: Controller[Any],
         kept: KeptSamples = KeptSamples(),  # noqa: B008  # frozen
         file: RolloutFile | None = None,
+        *,
+        once: bool = False,
     ) -> None:
         self.loop, self.episode, self.kept, self.file = ClosedLoop(episode.plant, controller), episode, kept, file
         self.steps, self.control_period = episode.steps, episode.plant.control_period
-        self.arms = self.loop.compiled().ensemble(1)
+        self.arms = self.loop.compiled(self.steps if once else math.inf).ensemble(1)
         self.loop.set_state(self.arms, episode.state, controller.init(*_measured(episode.state)))
         self.whole = file is None and kept == KeptSamples()  # then the buffers are the result, and nothing is copied
         self.longest = self.steps if self.whole else min(MAX_CHUNK, self.steps)

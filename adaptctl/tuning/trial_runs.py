@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -37,17 +38,20 @@ def run_trials(
     duration: float,
     parameters: Array,
     delayed: Array,
+    *,
+    once: bool = False,
 ) -> TrialRuns:
     """
     Runs of M laws that differ in numbers alone, from rest, with the same noise of sensors.
 
     Positions `first` (r,) in rad (m), `duration` in s, true parameters (M, P), and torques a period late where
-    `delayed` (M,) is true.
+    `delayed` (M,) is true; `once` with code that is made for these runs.
     """
     noise = Noise.of(0, 1, 1, plant.noise_size)[0]
-    arms = _at_rest(plant, laws, first, parameters, noise)
+    steps = round(duration / plant.control_period)
+    arms = _at_rest(plant, laws, first, parameters, noise, steps * len(laws) if once else math.inf)
     arms.held[LATE] = np.asarray(delayed, dtype=np.float64)[:, None]
-    steps, recorded = round(duration / plant.control_period), sum(np.prod(shape) for shape in arms.stepper.outputs)
+    recorded = sum(np.prod(shape) for shape in arms.stepper.outputs)
     chunk = RECORD_INTERVAL * max(1, int(NUMBERS // (RECORD_INTERVAL * recorded * len(laws))))
     time = np.asarray(plant.control_period * np.arange(steps))
     room = arms.allocate_outputs(min(chunk, steps))
@@ -57,11 +61,13 @@ def run_trials(
     return TrialRuns._make((time[::RECORD_INTERVAL], *samples, np.max(largest, axis=0)))
 
 
-def _at_rest(plant: Plant, laws: Sequence[Controller[Any]], first: Array, parameters: Array, noise: Noise) -> Ensemble:
+def _at_rest(
+    plant: Plant, laws: Sequence[Controller[Any]], first: Array, parameters: Array, noise: Noise, periods: float
+) -> Ensemble:
     law, differ = differing(laws, {})
     loop, gains = ClosedLoop(plant, law), gains_of(law, differ, len(laws))
     p, v = np.broadcast_to(first, (len(laws), plant.dof)), np.zeros((len(laws), plant.dof))
-    arms = loop.compiled().ensemble(len(laws))
+    arms = loop.compiled(periods).ensemble(len(laws))
     state = plant.init(p, v, parameters, np.broadcast_to(noise.drawn(1)[0], (len(laws), noise.size)))
     loop.set_state(arms, state, law.init(state.measured_p, state.measured_v, gains))
     arms.held["parameters"] = parameters

@@ -61,7 +61,7 @@ class Trials:
         given = np.asarray(self.plant.torque_limits), one.damping, self.plant.control_period, self.reference
         rule = learning_by_rule(model, mapped_gain(model, one.gain), *given, self.delay)
         law = _slotine_li(self.plant, self.start, model, rule).having(_feedback(one))
-        return self._simulated([law] * len(settings), settings, duration)
+        return self._simulated([law] * len(settings), settings, duration, once=False)  # a user's runs have its code
 
     def without(self, model: ReducedModel, settings: Sequence[TrialSetting], duration: float) -> TrialRuns:
         """Runs of settings with the same gains, without adaptation."""
@@ -79,9 +79,13 @@ class Trials:
         first: Array = self.reference(np.zeros(1)).p[0]
         return first
 
-    def _simulated(self, laws: list[SlotineLi], settings: Sequence[TrialSetting], duration: float) -> TrialRuns:
+    def _simulated(
+        self, laws: list[SlotineLi], settings: Sequence[TrialSetting], duration: float, *, once: bool = True
+    ) -> TrialRuns:
         parameters, late = np.array([one.parameters for one in settings]), np.array([one.delayed for one in settings])
-        return run_trials(self.plant, laws, self.reference, self.start + self.off, duration, parameters, late)
+        return run_trials(
+            self.plant, laws, self.reference, self.start + self.off, duration, parameters, late, once=once
+        )
 
 
 def delay_of(effects: Iterable[Effect]) -> int:
