@@ -30,17 +30,17 @@ FROM_DIRECTIONS = np.linalg.inv(np.einsum("aij,kij->ak", DIRECTIONS, UNIT_PSEUDO
 EYE, FLAT = np.eye(4), DIRECTIONS.reshape(10, 16)
 # Logarithm of a factor on the prior's links from which on a search may begin there too, as of logs in another unit.
 FAR = np.log(30.0)
-# Steps at most of a search from a start, and of another; share of the way to the cone's edge that one takes; power of
-# the predictor's success that sets the next target; and share of the multipliers at the start of those that balance
-# the data there.
-MAX_WARM_STEPS, MAX_STEPS, EDGE_SHARE, TARGET_POWER, FIRST_SHARE = 15, 60, 0.98, 2.0, 0.1
+# Steps at most of a search from a start, and of another; share of the way to the cone's edge that one takes; and share
+# of the multipliers at the start of those that balance the data there.
+MAX_WARM_STEPS, MAX_STEPS, EDGE_SHARE, FIRST_SHARE = 15, 60, 0.95, 0.1
 # Relative error of P Z and of the slope at which the search ends, that from which on it is near its end, and steps
-# there without half as large an error after which round-off is all that is left.
-ERROR, NEAR_END, IDLE_STEPS = 1e-8, 0.1, 4
+# there without half as large an error after which round-off is all that is left, as it is where the objective would
+# fall by no more than a share of the squares.
+ERROR, NEAR_END, IDLE_STEPS, LEAST_FALL = 1e-8, 0.1, 4, 1e-14
 # Error of the slope below which the corrector is weighed by the square of the predictor's share, and share of a step
-# above it below which one that only centers is tried: else some searches go round for ever. Those that still do begin
-# again with all correctors weighed so, unless the residual is less than a bound.
-SMALL_SLOPE, SHORT, ENOUGH = 10.0, 0.2, 1e-3
+# above it below which one that only centers is tried, on some times the mean of P Z: else some searches go round for
+# ever. Those that still do begin again with all correctors weighed so, unless the residual is less than a bound.
+SMALL_SLOPE, SHORT, CENTER, ENOUGH = 10.0, 0.5, 3.0, 1e-3
 # Sum of the divergence's weights relative to the squares below which it is lost in round-off, and taken to be so large.
 LEAST_WEIGHT = 1e-13
 # Share of each column's square that is added, since data may not tell columns without a prior apart.
@@ -94,7 +94,7 @@ def _searched(problem: _Problem, point: _Point, steps: int, small_slope: float) 
         error = newton.error
         idle = idle + 1 if 0.5 * best < error < NEAR_END else 0
         best = min(best, error)
-        if error < ERROR or idle == IDLE_STEPS:
+        if error < ERROR or idle == IDLE_STEPS or newton.fall < LEAST_FALL:
             return point, True
         try:
             point = newton.next_point(small_slope)
@@ -248,6 +248,13 @@ class _Newton:
         """Largest relative error of P Z and of the slope."""
         return max(float(np.abs(self.ratios - 1.0).max(initial=0.0)), self.slope_error)
 
+    @property
+    def fall(self) -> float:
+        """Most by which the objective would fall, by the slope and by P Z, relative to the fitted squares."""
+        problem, slope = self.problem, self.slope
+        gap = self.times * float(problem.degrees @ np.abs(self.ratios - 1.0))
+        return (gap + 0.5 * float(slope @ self.solver(slope))) / (abs(float(problem.b @ self.point.x)) + problem.weight)
+
     @cached_property
     def solver(self) -> Callable[[Array], Array]:
         """Solver of Newton's equations."""
@@ -292,13 +299,13 @@ class _Newton:
         after += float(np.sum((v + share * s) * (v + share * t))) / POSITIVE_WEIGHT
         mean = after / (self.times * len(self.ratios))
         left = min(max((mean - 1.0) / (self.spread - 1.0), 0.0), 1.0) if self.spread > 1.0 + 1e-12 else 0.0
-        target = 1.0 + left**TARGET_POWER * max(self.spread - 1.0, 0.0)
+        target = 1.0 + left * max(self.spread - 1.0, 0.0)
         near = self.slope_error < small_slope
         bent = share**2 if near else 1.0
         steps = self.step(target, 0.5 * bent * (S @ T + T @ S), bent * s * t)
         taken = self.share(steps, EDGE_SHARE)
         if not near and taken < SHORT:
-            centering = self.step(self.spread)
+            centering = self.step(CENTER * self.spread)
             if (other := self.share(centering, EDGE_SHARE)) > taken:
                 return self.moved(*centering, other)
         return self.moved(*steps, taken)
