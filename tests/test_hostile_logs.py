@@ -210,6 +210,22 @@ def test_patterns_of_lerobot_are_not_followed_out_of_the_folder(pattern: str, me
         read_lerobot(folder)
 
 
+def test_files_of_a_data_set_follow_each_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = lerobot(tmp_path / "set", V3, FILE)
+    one = read_lerobot(folder)
+    rows = pq.read_table(folder / FILE)
+    for k, part in enumerate((rows.slice(0, 30), rows.slice(30))):
+        pq.write_table(part, folder / FILE.replace("file-000", f"file-00{k}"), row_group_size=70)
+    monkeypatch.setattr("adaptctl.logs.on_disk.ROWS_AT_ONCE", 17)
+    found = read_lerobot(folder)
+    assert list(found.columns) == list(one.columns)
+    for name, values in one.columns.items():
+        np.testing.assert_array_equal(found.columns[name], values)
+    pq.write_table(rows.drop_columns("observation.effort"), folder / FILE.replace("file-000", "file-002"))
+    with pytest.raises(FileError, match=r"set: its files have other columns than each other$"):
+        read_lerobot(folder)
+
+
 def test_links_out_of_a_data_set_and_actions_are_no_log(tmp_path: Path) -> None:
     folder = lerobot(tmp_path / "set", V3, FILE)
     (folder / FILE).rename(tmp_path / "file-000.parquet")

@@ -16,12 +16,14 @@ import adaptctl
 from adaptctl.arrays import Array
 from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.errors import InputError
-from adaptctl.identification import IdentifiedPayload, identify
+from adaptctl.identification import IdentifiedPayload, identify, long_logs
 from adaptctl.identification.columns import JointLog
 from adaptctl.identification.drives_file import Drives, MotorEntry, PayloadEntry
 from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.gathering import gathered
 from adaptctl.identification.identify import identified
+from adaptctl.identification.long_logs import LongEvidence
+from adaptctl.identification.normal_equations import NormalEquations
 from adaptctl.identification.taking import with_instants
 from adaptctl.identification.torque_constants import Completion, completed
 
@@ -94,6 +96,35 @@ def test_the_instant_at_which_a_body_is_taken_is_found() -> None:
         assert known_drives.payloads[0].after == pytest.approx(instant, abs=0.05)
         assert [word.startswith("payload in taken.csv: no log is without it") for word in words] == [True][: len(words)]
     assert not words
+
+
+def test_a_log_in_stretches_tells_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Constants, a body and when it is taken, and the sums without it, are those of all rows at once."""
+    taken = log("taken.csv", 3, TAKEN)
+    carried, constants = drives(log="taken.csv", after=TAKEN), np.array([0.5, 2.0, 1.25])
+    currents = replace(taken, torque=taken.torque / constants)
+    unknown = of_unknown_constants(drives(log="taken.csv", mass=MASS, after=TAKEN))
+
+    def told() -> tuple[Completion, Completion, float, NormalEquations]:
+        evidence = [gathered(CASE.guess, drives(log="taken.csv"), [taken], ("limits",), cutoffs=(10.0,))[0]]
+        assert isinstance(evidence[0], LongEvidence) == (long_logs.LONG == 0)
+        instant = with_instants(evidence[0], 10.0)[0].payloads[0].after
+        body = found([taken], carried)
+        sums = gathered(CASE.guess, body.drives, [taken], ("limits",), cutoffs=(10.0,))[0].sums(10.0, 0.0)
+        return body, found([currents], unknown), instant, sums
+
+    whole = told()
+    monkeypatch.setattr(long_logs, "LONG", 0)
+    monkeypatch.setattr(long_logs, "KEPT", 700_000)
+    monkeypatch.setattr(long_logs, "STRETCH", 700)
+    parts = told()
+    assert parts[2] == pytest.approx(whole[2], abs=1e-9)
+    for one, other in zip(whole[:2], parts[:2], strict=True):
+        np.testing.assert_allclose(numbers(other.payloads[0]), numbers(one.payloads[0]), rtol=1e-6, atol=1e-8)
+        np.testing.assert_allclose(other.drives.constants, one.drives.constants, rtol=1e-6)
+    for name in ("normal", "moment", "square", "count"):
+        one, other = (getattr(sums, name) for sums in (whole[3], parts[3]))
+        np.testing.assert_allclose(other, one, rtol=1e-6, atol=1e-6 * np.abs(one).max())
 
 
 @nightly

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -22,6 +22,7 @@ from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.lasting_noise import innovations
 from adaptctl.identification.least_squares import weighted_least_squares
 from adaptctl.identification.normal_equations import NormalEquations, blocks_of
+from adaptctl.identification.preparation import PreparedLog
 
 # Sums over blocks that are kept: those of five folds, their rests, and of all.
 SUMS_KEPT = 12
@@ -88,6 +89,15 @@ class _End(NamedTuple):
     weight: float
 
 
+class RowsPart(NamedTuple):
+    """Rows with the motions that they are of, the blocks (n,) that they belong to, and the joints' peak speeds (r,)."""
+
+    rows: Rows
+    motions: Sequence[SmoothMotion]
+    block: NDArray[np.int64]
+    peaks: Array
+
+
 @dataclass(frozen=True, eq=False)
 class LogEvidence:
     """Evidence that fits are made from: filtered equations of motion by cut-off (Hz), in blocks of time."""
@@ -132,6 +142,15 @@ class LogEvidence:
             rows = innovations(self.rows[cutoff], used, lasting)
             self._sums[key] = NormalEquations.of(rows, self._block[cutoff], self.blocks, used)
         return self._sums[key]
+
+    @property
+    def logs(self) -> Sequence[PreparedLog]:
+        """Logs, or their pieces."""
+        return [motion.log for motion in self.motions]
+
+    def parts(self, cutoff: float) -> Iterator[RowsPart]:
+        """Rows of a cut-off of all blocks, in parts."""
+        yield RowsPart(self.rows[cutoff], self.motions, self._block[cutoff], self.peaks)
 
     def file_torques(self, cutoff: float) -> Array:
         """Mean torques (2, r) that the prior's links alone take in the rows of a cut-off, and that were measured."""

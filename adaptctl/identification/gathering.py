@@ -66,10 +66,10 @@ def gathered(
     smooth = min(max(MIN_MOTION_CUTOFF, MOTION_CUTOFF_RATIO * fastest), MOTION_CUTOFF)
     rate = min(piece.rate for piece in pieces)
     tried = sorted({*(cutoffs or cutoffs_for(rate, least)), *([cutoff] if cutoff else [])})
-    stretches = Stretches(pieces, full, smooth, tried)
+    stretches = Stretches(pieces, full, drives, smooth, tried)
     if cutoff is not None:
         stretches.validate(cutoff)
-    long = stretches.are_long and not drives.payloads and not np.isnan(drives.constants).any()
+    long = stretches.are_long
     motions = stretches.windows() if long else list(motions_of(pieces, smooth))
     balance = stretches.balance if long else MomentumBalance(full)
     rows = dict(zip(tried, rows_without_payloads(motions, balance, drives, tried), strict=True))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +12,11 @@ from adaptctl.description.inertia import from_center_of_mass, is_physically_cons
 from adaptctl.description.readers.entries import Tensor
 from adaptctl.identification.drives_content import PayloadEntry
 from adaptctl.identification.entropic import EntropicPrior
-from adaptctl.identification.filtered_dynamics import Rows
 from adaptctl.identification.fit import FitSettings, LogEvidence
 from adaptctl.identification.friction_model import ALWAYS, SIMPLE_FRICTION
 from adaptctl.identification.loaded_fit import KnownValue, LoadedEquations
-from adaptctl.identification.normal_equations import NormalEquations, blocks_of
+from adaptctl.identification.momentum_balance import PackedRegressor
+from adaptctl.identification.normal_equations import NormalEquations
 from adaptctl.identification.payloads import known_ten, payload_columns, payload_place
 
 # Share of peak speed below which a motor's rows do not count.
@@ -27,16 +27,14 @@ UNKNOWN_MASS, BALL = 1.0, 0.1
 
 def loaded_equations(evidence: LogEvidence, cutoff: float, payloads: tuple[PayloadEntry, ...]) -> LoadedEquations:
     """Equations of the motors' torque columns, with payloads after the links."""
-    mechanism, rows = evidence.mechanism, evidence.rows[cutoff]
+    mechanism = evidence.mechanism
     settings = FitSettings(SIMPLE_FRICTION, 1.0, cutoff, SLOW)
     links, mask = 10 * len(mechanism.description.bodies), settings.columns(mechanism)
     drives = np.flatnonzero(mask[links:]) + links
-    parts = [payload_columns(payload, rows, evidence.motions, mechanism) for payload in payloads]
-    Y = np.concatenate([rows.regressor[..., :links], *parts, rows.regressor[..., drives]], axis=-1)
     moved = links + 10 * len(payloads)
     place = {c: c if c < links else moved + int(np.searchsorted(drives, c)) for c in [*range(links), *drives.tolist()]}
     return LoadedEquations(
-        _of_motors(rows, Y, evidence, cutoff),
+        _of_motors(evidence, cutoff, payloads, drives),
         _prior(evidence, payloads, place),
         [known for q, payload in enumerate(payloads) for known in _known(payload, evidence, links + 10 * q)],
         np.flatnonzero(np.isnan(evidence.drives.constants)),
@@ -45,12 +43,20 @@ def loaded_equations(evidence: LogEvidence, cutoff: float, payloads: tuple[Paylo
     )
 
 
-def _of_motors(rows: Rows, Y: Array, evidence: LogEvidence, cutoff: float) -> NormalEquations:
-    """Normal equations of the motors' torque columns."""
-    inverse = np.linalg.inv(evidence.drives.transmission)
-    own = replace(rows, regressor=np.einsum("jk,njp->nkp", inverse, Y), torque=rows.torque @ inverse)
-    block = blocks_of(rows, evidence.edges)
-    return NormalEquations.of(own, block, evidence.blocks, evidence.used(cutoff, SLOW))
+def _of_motors(
+    evidence: LogEvidence, cutoff: float, payloads: Sequence[PayloadEntry], drives: NDArray[np.int64]
+) -> NormalEquations:
+    """Normal equations of the motors' torque columns, of links, payloads and some parameters of drives."""
+    mechanism, inverse = evidence.mechanism, np.linalg.inv(evidence.drives.transmission)
+    links = 10 * len(mechanism.description.bodies)
+    width = links + 10 * len(payloads) + len(drives)
+    total = NormalEquations.zero(evidence.blocks, mechanism.dof, width)
+    for rows, motions, block, peaks in evidence.parts(cutoff):
+        carried = [payload_columns(payload, rows, motions, mechanism) for payload in payloads]
+        Y = np.concatenate([rows.regressor[..., :links], *carried, rows.regressor[..., drives]], axis=-1)
+        regressor = PackedRegressor.of(np.einsum("jk,njp->nkp", inverse, Y))
+        total.add(regressor, rows.torque @ inverse, block, rows.used(SLOW * peaks))
+    return total
 
 
 def _prior(evidence: LogEvidence, payloads: tuple[PayloadEntry, ...], place: dict[int, int]) -> EntropicPrior:

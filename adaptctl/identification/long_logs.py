@@ -17,11 +17,13 @@ from adaptctl.caching import cached_property
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identification.choice import NUM_BLOCKS, SLOW_CANDIDATES
+from adaptctl.identification.drives_file import Drives
 from adaptctl.identification.filtered_dynamics import ROWS_PER_PERIOD, RowFilter, Rows, SmoothMotion
-from adaptctl.identification.fit import LogEvidence
+from adaptctl.identification.fit import LogEvidence, RowsPart
 from adaptctl.identification.lasting_noise import Whitening
 from adaptctl.identification.momentum_balance import MomentumBalance, PackedRegressor
 from adaptctl.identification.normal_equations import NormalEquations, block_edges, blocks_of
+from adaptctl.identification.payloads import taken_there, without_payloads
 from adaptctl.identification.preparation import PreparedLog
 from adaptctl.logs.on_disk import release
 
@@ -105,6 +107,7 @@ class Stretches:
 
     logs: Sequence[PreparedLog]
     mechanism: Mechanism
+    drives: Drives
     smooth: float
     cutoffs: Sequence[float]
     _found: dict[float, dict[tuple[float, float], NormalEquations]] = field(default_factory=dict)
@@ -146,9 +149,11 @@ class Stretches:
     @cached_property
     def edges(self) -> list[tuple[int, float]]:
         """Index of the log and time (s) at which each block begins."""
-        each = [
-            (np.full(len(time), grid.number)[on], time[on]) for grid in self._grids for time, on in [grid.instants()]
-        ]
+        each = []
+        for grid in self._grids:
+            time, on = grid.instants()
+            on = on & ~taken_there(self.drives, grid.log.source, time, self.cutoffs[0])
+            each.append((np.full(np.count_nonzero(on), grid.number), time[on]))
         log, time = (np.concatenate(part) for part in zip(*each, strict=True))
         return block_edges(log, time, NUM_BLOCKS)
 
@@ -178,7 +183,7 @@ class Stretches:
         least, P = sorted(SLOW_CANDIDATES, reverse=True), len(self.mechanism.parameter_names)
         empty = partial(NormalEquations.zero, len(self.edges), self.mechanism.dof, P)
         parts = {cutoff: [empty() for _ in least] for cutoff in self.cutoffs}
-        for rows, regressor in self._rows(delay, self.cutoffs):
+        for rows, regressor, _ in self.rows(delay, self.cutoffs):
             block, faster = blocks_of(rows, self.edges), np.zeros_like(rows.torque, dtype=np.bool_)
             for slow, own in zip(least, parts[rows.cutoff], strict=True):
                 used = rows.used(slow * self.peaks)
@@ -194,7 +199,7 @@ class Stretches:
             self._white.clear()
             total = NormalEquations.zero(len(self.edges), self.mechanism.dof, len(self.mechanism.parameter_names))
             whitening = Whitening(lasting, cutoff)
-            for rows, regressor in self._rows(delay, [cutoff]):
+            for rows, regressor, _ in self.rows(delay, [cutoff]):
                 used, torque = rows.used(slow * self.peaks), rows.torque.copy()
                 for j in range(used.shape[1]):
                     parts = (regressor.joint(j)[1], torque[:, j : j + 1])
@@ -203,8 +208,8 @@ class Stretches:
             self._white[key] = total
         return self._white[key]
 
-    def _rows(self, delay: float, cutoffs: Sequence[float]) -> Iterator[tuple[Rows, PackedRegressor]]:
-        """Rows of some cut-offs (Hz) of stretches, whose regressors are packed, and these."""
+    def rows(self, delay: float, cutoffs: Sequence[float]) -> Iterator[tuple[Rows, PackedRegressor, SmoothMotion]]:
+        """Rows of some cut-offs (Hz) of stretches, without known payloads, their packed regressors, and motions."""
         for grid in self._grids:
             filters = [own for own in grid.filters if own.cutoff in cutoffs]
             for motion, first, last in grid.stretches():
@@ -212,7 +217,15 @@ class Stretches:
                     at = own.every * np.arange(len(packed.values))
                     kept = own.rows(motion, packed.values).chosen((at >= first) & (at < last))
                     rise = motion.later(own.cutoff, kept.time, delay)[0] if delay else 0.0
-                    yield replace(kept, torque=kept.torque + rise), packed._replace(values=kept.regressor)
+                    packed = packed._replace(values=kept.regressor)
+                    kept = replace(kept, torque=kept.torque + rise)
+                    yield self._without_payloads(kept, packed, motion), packed, motion
+
+    def _without_payloads(self, rows: Rows, packed: PackedRegressor, motion: SmoothMotion) -> Rows:
+        if not self.drives.payloads:
+            return rows
+        whole = replace(rows, regressor=packed.whole)
+        return without_payloads(whole, [motion], self.mechanism, self.drives)
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,6 +248,17 @@ class LongEvidence(LogEvidence):
     def advanced(self, delay: float) -> LogEvidence:
         """Evidence whose torques are those of a delay (s) later."""
         return replace(super().advanced(delay), delay=self.delay + delay)  # type: ignore[call-arg]
+
+    @property
+    def logs(self) -> Sequence[PreparedLog]:
+        """Logs, or their pieces."""
+        return self.stretches.logs
+
+    def parts(self, cutoff: float) -> Iterator[RowsPart]:
+        """Rows of a cut-off of all blocks, in parts."""
+        for rows, packed, motion in self.stretches.rows(self.delay, [cutoff]):
+            whole = replace(rows, regressor=packed.whole)
+            yield RowsPart(whole, [motion], blocks_of(rows, self.stretches.edges), self.stretches.peaks)
 
     def sums(self, cutoff: float, slow: float, lasting: tuple[float, ...] = ()) -> NormalEquations:
         """Normal equations of rows of a cut-off, by blocks, without joints slower than a share of their peaks."""

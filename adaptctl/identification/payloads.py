@@ -54,10 +54,10 @@ def payload_place(payload: PayloadEntry, mechanism: Mechanism) -> PlaceOnLink:
 
 def loaded_rows(payload: PayloadEntry, rows: Rows, motions: Sequence[SmoothMotion]) -> NDArray[np.bool_]:
     """Mask (n,) of the rows in which a payload is carried."""
-    return _in_log(payload, rows, motions) & (rows.time >= payload.after)
+    return in_log(payload, rows, motions) & (rows.time >= payload.after)
 
 
-def _in_log(payload: PayloadEntry, rows: Rows, motions: Sequence[SmoothMotion]) -> NDArray[np.bool_]:
+def in_log(payload: PayloadEntry, rows: Rows, motions: Sequence[SmoothMotion]) -> NDArray[np.bool_]:
     """Mask (n,) of the rows of a payload's log."""
     numbers = [motion.number for motion in motions if same_place(payload.log, motion.log.source)]
     return np.isin(rows.log, numbers)
@@ -74,12 +74,21 @@ def without_payloads(rows: Rows, motions: Sequence[SmoothMotion], mechanism: Mec
     """Rows with the torques that the robot alone takes: known payloads subtracted, instants of taking left out."""
     torque, moving = rows.torque.copy(), rows.moving.copy()
     for payload in drives.payloads:
-        near = np.abs(rows.time - payload.after) < TAKING / rows.cutoff
-        moving &= ~(_in_log(payload, rows, motions) & near)
+        moving &= ~(in_log(payload, rows, motions) & _near_taking(payload, rows.time, rows.cutoff))
         if payload.is_known and not np.isnan(drives.constants).any():
             ten = transformed(known_ten(payload), payload_place(payload, mechanism).pose)
             torque -= payload_columns(payload, rows, motions, mechanism) @ ten
     return replace(rows, torque=torque, moving=moving)
+
+
+def taken_there(drives: Drives, source: str, time: Array, cutoff: float) -> NDArray[np.bool_]:
+    """Mask (n,) of the instants (s) of a log at which a body is just being taken, for rows of a cut-off (Hz)."""
+    own = (payload for payload in drives.payloads if same_place(payload.log, source))
+    return np.any([np.zeros(len(time), np.bool_), *(_near_taking(one, time, cutoff) for one in own)], axis=0)
+
+
+def _near_taking(payload: PayloadEntry, time: Array, cutoff: float) -> NDArray[np.bool_]:
+    return np.asarray(np.abs(time - payload.after) < TAKING / cutoff)
 
 
 def known_ten(payload: PayloadEntry) -> Array:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 from msgspec import structs
-from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.identification.columns import same_place
@@ -18,8 +17,7 @@ from adaptctl.identification.fit import FitSettings, LogEvidence
 from adaptctl.identification.friction_model import SIMPLE_FRICTION
 from adaptctl.identification.least_squares import least_squares, weighted_least_squares
 from adaptctl.identification.loaded_equations import SLOW
-from adaptctl.identification.normal_equations import NormalEquations
-from adaptctl.identification.payloads import payload_place
+from adaptctl.identification.payloads import in_log, payload_place
 
 # A body carried throughout cannot be told from the link that carries it, so that a log with it alone is taken to begin
 # without it. The instant is the one by which two robots, of which the second's link has ten parameters of its own,
@@ -46,31 +44,43 @@ def with_instants(evidence: LogEvidence, cutoff: float) -> tuple[Drives, tuple[s
 
 
 def _instant(payload: PayloadEntry, evidence: LogEvidence, cutoff: float) -> float:
-    numbers = [motion.number for motion in evidence.motions if same_place(payload.log, motion.log.source)]
-    here = np.isin(evidence.rows[cutoff].log, numbers)
-    rows, used = evidence.rows[cutoff].chosen(here), evidence.used(cutoff, SLOW)[here]
     columns = evidence.independent(FitSettings(SIMPLE_FRICTION, 1.0, cutoff, SLOW))
-    whole = NormalEquations.of(rows, np.zeros(len(rows), dtype=np.int64), 1, used)
-    weight = used / weighted_least_squares(whole, columns)[1]
     first = 10 * evidence.mechanism.description.body_names.index(payload_place(payload, evidence.mechanism).link)
-    Y = rows.regressor[..., [*columns.tolist(), *range(first, first + 10)]] * weight[..., None]
-    torque = rows.torque * weight
-    edges = np.linspace(0, len(rows), INSTANTS + 1).astype(np.int64)
+    own = [*columns.tolist(), *range(first, first + 10)]
+    times = [log.time for log in evidence.logs if same_place(payload.log, log.source)]
+    edges = np.linspace(min(time[0] for time in times), max(time[-1] for time in times), INSTANTS + 1)
+    weight = 1.0 / weighted_least_squares(evidence.sums(cutoff, SLOW), columns)[1]
+    found = 0.0
     for _ in range(2):
-        best = int(np.argmax(_explained(Y, torque, edges, len(columns))))
-        inner = edges[best], edges[min(best + 2, len(edges) - 1)]
-        place = int(edges[best + 1])
-        edges = np.unique([0, *np.linspace(*inner, INSTANTS).astype(np.int64), len(rows)])
-    return float(rows.time[place])
+        best = int(np.argmax(_explained(*_between(edges, payload, evidence, cutoff, own, weight), len(columns))))
+        found = float(edges[best + 1])
+        edges = np.unique([edges[0], *np.linspace(edges[best], edges[best + 2], INSTANTS), edges[-1]])
+    return found
 
 
-def _explained(Y: Array, torque: Array, edges: NDArray[np.int64], shared: int) -> Array:
-    """Squares explained by a change of the last columns at each inner edge."""
-    parts = [(Y[a:b].reshape(-1, Y.shape[-1]), torque[a:b].ravel()) for a, b in pairwise(edges.tolist())]
-    N, m = np.array([y.T @ y for y, _ in parts]), np.array([y.T @ t for y, t in parts])
+def _between(
+    edges: Array, payload: PayloadEntry, evidence: LogEvidence, cutoff: float, columns: Sequence[int], weight: Array
+) -> tuple[Array, Array]:
+    """Normal matrices (E, k, k) and moments (E, k) of a payload's log between instants (E + 1,) in s."""
+    count, k = len(edges) - 1, len(columns)
+    N, m = np.zeros((count, k, k)), np.zeros((count, k))
+    for rows, motions, _, peaks in evidence.parts(cutoff):
+        here = in_log(payload, rows, motions)
+        counted = weight * (rows.used(SLOW * peaks) & here[:, None])
+        Y, torque = rows.regressor[..., columns] * counted[..., None], rows.torque * counted
+        place = np.clip(np.searchsorted(edges, rows.time, side="right") - 1, 0, count - 1)
+        for e in np.unique(place[here]).tolist():
+            y, t = Y[place == e].reshape(-1, k), torque[place == e].ravel()
+            N[e] += y.T @ y
+            m[e] += y.T @ t
+    return N, m
+
+
+def _explained(N: Array, m: Array, shared: int) -> Array:
+    """Squares explained by a change of the last columns at each inner edge, from sums between the edges."""
     after, moment = N[::-1].cumsum(axis=0)[::-1], m[::-1].cumsum(axis=0)[::-1]
     found = []
-    for k in range(1, len(parts)):
+    for k in range(1, len(N)):
         A, b = after[k].copy(), moment[k].copy()
         A[:shared, :shared], b[:shared] = after[0, :shared, :shared], moment[0, :shared]
         found.append(float(b @ least_squares(A, b, np.arange(len(b)))))

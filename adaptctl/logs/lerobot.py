@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from adaptctl.errors import FileError, printable
-from adaptctl.logs.parquet import arrow_table, read_arrow
-from adaptctl.logs.table import LogTable, validate_size, whole_stamps
+from adaptctl.logs.parquet import read_in_turn
+from adaptctl.logs.table import LogTable, whole_stamps
 
 INFO = Path("meta") / "info.json"
 MAX_INFO, MAX_FILES = 4 * 2**20, 10_000
@@ -32,8 +32,6 @@ def is_lerobot(path: Path) -> bool:
 
 def read_lerobot(path: str | Path) -> LogTable:
     """Table of a data set's observations: `position.J`, `velocity.J` and `effort.J` by the names of its joints."""
-    import pyarrow as pa
-
     folder = Path(path)
     info = _info(folder)
     features = info.get("features")
@@ -47,14 +45,9 @@ def read_lerobot(path: str | Path) -> LogTable:
             f"{known}"
         )
     wanted = {"timestamp", "episode_index", *(feature for feature, _ in names)}
-    parts = [read_arrow(file, sorted(wanted)) for file in _files(folder, info)]
-    try:
-        whole = pa.concat_tables(parts, promote_options="default")
-    except pa.ArrowException as error:
-        raise FileError(f"{path}: its files have other columns than each other ({printable(str(error))})") from error
-    validate_size(path, whole.num_rows, whole.num_columns)
+    whole = read_in_turn(str(path), _files(folder, info), sorted(wanted))
     units = {name: unit for (feature, i), name in names.items() if (unit := _unit(features[feature], i))}
-    return _named(arrow_table(str(path), whole), names, units)
+    return _named(whole, names, units)
 
 
 def _info(folder: Path) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -41,31 +41,59 @@ def _long(path: str | Path) -> LogTable | None:
         validate_size(path, told.num_rows, told.num_columns)
         _validate_unpacked(path, told)
         read = Batches(told.num_rows)
-        for group in range(
-            told.num_row_groups
-        ):  # one by one, as Arrow keeps what it read of those that it iterates over
-            for batch in file.iter_batches(on_disk.ROWS_AT_ONCE, [group], use_threads=False):
-                read.add(_columns(batch, read.first), len(batch))
+        _add(read, file)
         return _table(str(path), read.columns())
     return None
 
 
-def read_arrow(path: str | Path, columns: Sequence[str] | None = None) -> Any:
-    """Table of Arrow in a Parquet file, of some of its columns if given, with checksums verified."""
+def _add(read: Batches, file: Any, columns: Sequence[str] | None = None) -> None:
+    """Add the batches of a file of Parquet, of some of its columns if given."""
+    for group in range(file.metadata.num_row_groups):  # one by one, as Arrow keeps what it read of those it is given
+        for batch in file.iter_batches(on_disk.ROWS_AT_ONCE, [group], columns, use_threads=False):
+            read.add(_columns(batch, read.first), len(batch))
+
+
+def read_in_turn(source: str, paths: Sequence[Path], columns: Sequence[str]) -> LogTable:
+    """Table of some columns of Parquet files that follow each other, read batch by batch."""
+    rows = 0
+    for path in paths:
+        with _opened(path) as file:
+            rows += file.metadata.num_rows
+    validate_size(source, rows, len(columns))
+    read = Batches(rows)
+    for path in paths:
+        with _opened(path) as file:
+            try:
+                _add(read, file, [name for name in columns if name in file.schema_arrow.names])
+            except UnlikeBeforeError as error:
+                raise FileError(
+                    f"{source}: its files have other columns than each other, or none that it names"
+                ) from error
+    return _table(source, read.columns())
+
+
+@contextmanager
+def _opened(path: str | Path) -> Iterator[Any]:
+    """File of Parquet, whose errors are told by its path."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     try:
-        with pq.ParquetFile(path, memory_map=True, page_checksum_verification=True) as file:
+        with pq.ParquetFile(path, buffer_size=BUFFER, page_checksum_verification=True) as file:
             validate_size(path, file.metadata.num_rows, file.metadata.num_columns)
             _validate_unpacked(path, file.metadata)
-            known = None if columns is None else [name for name in columns if name in file.schema_arrow.names]
-            read, metadata = file.read(known, use_threads=False), file.metadata.metadata
+            yield file
     except OSError as error:
         raise FileError(f"{path}: cannot be read ({(error.strerror or str(error)).splitlines()[0].lower()})") from error
     except (pa.ArrowException, UnicodeDecodeError, ValueError, OverflowError) as error:
         raise FileError(f"{path}: not a Parquet file ({printable(str(error).splitlines()[0])})") from error
-    if columns is None and metadata and b"sha256" in metadata:
+
+
+def read_arrow(path: str | Path) -> Any:
+    """Table of Arrow in a Parquet file, with checksums verified."""
+    with _opened(path) as file:
+        read, metadata = file.read(use_threads=False), file.metadata.metadata
+    if metadata and b"sha256" in metadata:
         from adaptctl.simulation.rollout_file import validate_own
 
         validate_own(path, read, metadata)
