@@ -163,6 +163,7 @@ def test_the_mark_before_decimals_is_told_by_that_after_thousands(
     assert form_of(written(tmp_path, "a;b\n" + "".join(f"{cell};1\n" for cell in cells))).decimal == decimal
 
 
+@pytest.mark.isolated
 def test_a_reader_has_memory_and_time_by_the_size_of_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path, seen = tmp_path / "log.mcap", list[Any]()
     path.write_bytes(bytes(4_000_000))

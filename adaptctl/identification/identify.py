@@ -319,8 +319,7 @@ def _of_checked(
 def _completed(mechanism: Mechanism, drives: Drives, train: Sequence[JointLog], skip: Collection[str]) -> Completion:
     if is_complete(drives):
         return Completion(drives, (), ())
-    skip = {*skip, "limits"}
-    evidence = gathered(mechanism, drives, train, skip)[0]
+    evidence = gathered(mechanism, drives, train, skip := {*skip, "limits"})[0]
     timed, words = with_instants(evidence, judged_at(evidence))
     evidence = gathered(mechanism, timed, train, skip)[0] if words else evidence
     found = completed(evidence, judged_at(evidence))

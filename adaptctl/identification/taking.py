@@ -18,6 +18,7 @@ from adaptctl.identification.friction_model import SIMPLE_FRICTION
 from adaptctl.identification.least_squares import least_squares, weighted_least_squares
 from adaptctl.identification.loaded_equations import SLOW
 from adaptctl.identification.payloads import in_log, payload_place
+from adaptctl.stages import stage
 
 # A body carried throughout cannot be told from the link that carries it, so that a log with it alone is taken to begin
 # without it. The instant is the one by which two robots, of which the second's link has ten parameters of its own,
@@ -25,6 +26,7 @@ from adaptctl.identification.payloads import in_log, payload_place
 INSTANTS = 100
 
 
+@stage("finding when bodies are taken")
 def with_instants(evidence: LogEvidence, cutoff: float) -> tuple[Drives, tuple[str, ...]]:
     """Drives whose bodies are taken at instants found, where all logs have an unknown one from the start; in words."""
     drives = evidence.drives

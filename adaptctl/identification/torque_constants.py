@@ -23,6 +23,7 @@ from adaptctl.identification.loaded_equations import loaded_equations
 from adaptctl.identification.loaded_fit import LoadedEquations, LoadedFit, loaded_fit
 from adaptctl.identification.payloads import payload_place
 from adaptctl.logs.on_disk import rowwise
+from adaptctl.stages import stage
 
 # Relative deviation of a torque constant or a payload's mass from which on it has no number.
 MAX_DEVIATION = 0.25
@@ -45,6 +46,7 @@ def is_complete(drives: Drives) -> bool:
     return not np.isnan(drives.constants).any() and all(payload.is_known for payload in drives.payloads)
 
 
+@stage("identifying torque constants and payloads")
 def completed(evidence: LogEvidence, cutoff: float) -> Completion:
     """Drives whose torque constants and payloads are known, by a consistent fit to both and to the links."""
     drives, unknown = evidence.drives, bool(np.isnan(evidence.drives.constants).any())

@@ -66,9 +66,7 @@ def read_in_turn(source: str, paths: Sequence[Path], columns: Sequence[str]) -> 
             try:
                 _add(read, file, [name for name in columns if name in file.schema_arrow.names])
             except UnlikeBeforeError as error:
-                raise FileError(
-                    f"{source}: its files have other columns than each other, or none that it names"
-                ) from error
+                raise FileError(f"{source}: its files have other columns than each other") from error
     return _table(source, read.columns())
 
 
@@ -83,6 +81,8 @@ def _opened(path: str | Path) -> Iterator[Any]:
             validate_size(path, file.metadata.num_rows, file.metadata.num_columns)
             _validate_unpacked(path, file.metadata)
             yield file
+    except FileError:
+        raise
     except OSError as error:
         raise FileError(f"{path}: cannot be read ({(error.strerror or str(error)).splitlines()[0].lower()})") from error
     except (pa.ArrowException, UnicodeDecodeError, ValueError, OverflowError) as error:

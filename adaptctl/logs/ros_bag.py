@@ -12,6 +12,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.errors import AdaptctlError, FileError, MissingExtraError
+from adaptctl.logs.joint_states_cdr import JointStates, joint_states
 from adaptctl.logs.table import MAX_ROWS, LogTable, table, validate_size
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -26,8 +27,8 @@ def read_ros_bag(path: str | Path, topic: str | None = None) -> LogTable:
     try:
         with rosbags.AnyReader([Path(path)], default_typestore=rosbags.typestore) as reader:
             chosen = _connections(path, reader.connections, topic)
-            each = reader.messages(connections=chosen)
-            return joint_table(path, ((stamp, reader.deserialize(raw, own.msgtype)) for own, stamp, raw in each))
+            raw = ((stamp, bytes(raw)) for _, stamp, raw in reader.messages(connections=chosen))
+            return joint_table(path, joint_states(raw, lambda data: reader.deserialize(data, JOINT_STATE)))
     except (AdaptctlError, MemoryError):
         raise
     except Exception as error:  # the package reads damaged bags without checks: any error may come of their bytes
@@ -58,6 +59,16 @@ class _Messages:
             values = np.asarray(row, dtype=np.float64)[self._orders[given]] if whole else self._none
             own.frombytes(values.tobytes())
 
+    def add_all(self, states: JointStates) -> None:
+        """Add messages; fields of another length are empty."""
+        order = [list(states.name).index(name) for name in self.names]
+        self.logged.frombytes(states.logged.tobytes())
+        self.stamps.frombytes(states.stamps.tobytes())
+        for kind, own in self._rows.items():
+            rows = states.rows[kind]
+            whole = rows.shape[1] == len(self.names)
+            own.frombytes((rows[:, order] if whole else np.tile(self._none, (len(rows), 1))).tobytes())
+
     def columns(self) -> Iterator[tuple[str, Array]]:
         """Columns of time from 0, and of the fields that have numbers."""
         stamps = self.stamps if any(self.stamps) else self.logged
@@ -68,14 +79,20 @@ class _Messages:
                 yield from ((f"{kind}.{name}", column) for name, column in zip(self.names, values.T, strict=True))
 
 
-def joint_table(path: str | Path, messages: Iterable[tuple[int, Any]]) -> LogTable:
-    """Table of messages as JointState has them, with the times in ns at which they were logged."""
+def joint_table(path: str | Path, messages: Iterable[tuple[int, Any] | JointStates]) -> LogTable:
+    """Table of messages as JointState has them, each with the time in ns at which it was logged, or many."""
     found: dict[tuple[str, ...], _Messages] = {}
-    for count, (logged, message) in enumerate(messages, 1):
+    count = 0
+    for one in messages:
+        names, many = (one.name, len(one.stamps)) if isinstance(one, JointStates) else (one[1].name, 1)
+        count += many
         validate_size(path, count, 1)
-        if (names := tuple(sorted(message.name))) not in found:
-            found[names] = _Messages(message.name)
-        found[names].add(logged, message)
+        if (key := tuple(sorted(names))) not in found:
+            found[key] = _Messages(names)
+        if isinstance(one, JointStates):
+            found[key].add_all(one)
+        else:
+            found[key].add(*one)
     if not found:
         raise FileError(f"{path}: has 0 joint states; expected 1 to {MAX_ROWS}")
     states, notes = _of_one_robot(path, found)
