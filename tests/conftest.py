@@ -39,7 +39,7 @@ if sys.dont_write_bytecode:
 gc.disable()
 
 # `make test` draws the same cases each time, so that a red run is a change's own; `make search` draws others each time.
-settings.register_profile("same", deadline=None, derandomize=True, database=None, max_examples=40)
+settings.register_profile("same", deadline=None, derandomize=True, database=None, max_examples=20)
 settings.register_profile("search", deadline=None, print_blob=True)
 settings.load_profile("same")
 
