@@ -20,6 +20,7 @@ from adaptctl.experiments.contest import Learning, Outcome
 from adaptctl.experiments.identify_then_adapt import IdentifyThenAdapt
 from adaptctl.experiments.laws import Laws, Recovery, _rubbed
 from adaptctl.identifiability import essential_space, fundamental_basis
+from adaptctl.recording import drawing
 from adaptctl.recording.report import write_artifacts
 
 
@@ -131,9 +132,11 @@ def test_arms_that_do_not_fit_are_refused(experiment: Learning, message: str) ->
         experiment.compare(no_progress)
 
 
-def test_a_run_becomes_a_folder(tmp_path: Path) -> None:
+def test_a_run_becomes_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from adaptctl.cli.main import main
 
+    written = drawing._written
+    monkeypatch.setattr(drawing, "_written", lambda folder, drawings, *how: written(folder, drawings[:1], *how))
     out = tmp_path / "out"
     command = [
         "experiment",

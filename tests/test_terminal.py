@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import json
 import subprocess
 import sys
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import numpy
@@ -104,18 +106,14 @@ def test_completion_knows_commands_experiments_and_flags(tmp_path: Path) -> None
 
 
 def test_experiments_are_told_as_json_and_notes_come_last(tmp_path: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "adaptctl", *EXPERIMENT, "--out", str(tmp_path / "out"), "--json"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        check=False,
-    )
-    text, _, note = done.stdout.rpartition("}\n")
+    said = io.StringIO()
+    with redirect_stdout(said), redirect_stderr(said):
+        code = main([*EXPERIMENT, "--out", str(tmp_path / "out"), "--json"])
+    text, _, note = said.getvalue().rpartition("}\n")
     found = json.loads(text + "}")
     assert (found["schema"], found["complete"]) == ("adaptctl/experiment/1", True)
     assert found["folder"] == str(tmp_path / "out")
-    assert done.returncode == (0 if found["verdict"]["passed"] else 3)
+    assert code == (0 if found["verdict"]["passed"] else 3)
     assert note.startswith(f"adaptctl: note: {ARM}: physically inconsistent")
 
 
