@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import sys
+import warnings
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 MAX_MESSAGE_CHARACTERS = 2_000
 """characters of a message"""
+OURS = (f"{Path(__file__).parent}{os.sep}", str(contextlib.__file__))
+"""beginnings of the files that a warning does not name: the library's, and of decorators"""
 
 
 class AdaptctlError(Exception):
@@ -48,6 +55,14 @@ def printable(text: str, most: int = 80) -> str:
         kept = max(most - 3, 0)
         text = f"{text[: kept - kept // 2]}...{text[len(text) - kept // 2 :]}"[:most]
     return text
+
+
+def warn(message: str | Warning, category: type[Warning] | None = None) -> None:
+    """Give a warning that names the line by which the library was called."""
+    frame, level = sys._getframe(), 1
+    while frame.f_back is not None and frame.f_code.co_filename.startswith(OURS):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(message, category, stacklevel=level)
 
 
 def shown(value: object) -> str:

@@ -221,8 +221,8 @@ class TrackingEnv(gymnasium.Env[Array, Array]):
         self.trajectory = reference
         if callable(reference):
             joints = self.mechanism.primary_joints
-            warn_of_derivatives(reference, [joint.name for joint in joints], duration, 4)
-            warn_of_limits(reference, joints, duration, 4)
+            warn_of_derivatives(reference, [joint.name for joint in joints], duration)
+            warn_of_limits(reference, joints, duration)
         self._set_spaces()
         self._set_render_mode(render_mode)
         self._episode: RunningEpisode | None = None

@@ -53,6 +53,7 @@ def elsewhere(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     os.chdir(here)
 
 
+LIBRARY = Path(__file__).parent.parent / "adaptctl"
 _built: set[str] = set()
 
 
@@ -135,3 +136,20 @@ def optimized() -> Iterator[None]:
 def any_processor(monkeypatch: pytest.MonkeyPatch) -> None:
     """Native code for all that the processor has, whatever the tests are limited to."""
     monkeypatch.delenv("ADAPTCTL_PROCESSOR", raising=False)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _warnings_name_the_caller() -> Iterator[None]:
+    """A warning of the library that a test expects names a line of the test, or of what it calls the library by."""
+    from _pytest.recwarn import WarningsChecker
+
+    checked = WarningsChecker.__exit__
+
+    def left(self: WarningsChecker, *error: object) -> None:
+        checked(self, *error)  # type: ignore[arg-type]
+        inside = {one.filename for one in self.list if one.category.__module__ == "adaptctl.errors"}
+        assert not [name for name in inside if Path(name).is_relative_to(LIBRARY)]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(WarningsChecker, "__exit__", left)
+        yield

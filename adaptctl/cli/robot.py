@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from adaptctl.errors import AdaptctlError, InputError, RoundedAnglesWarning, SimplificationWarning
+from adaptctl.errors import AdaptctlError, InputError, RoundedAnglesWarning, SimplificationWarning, warn
 from adaptctl.stages import stage
 
 if TYPE_CHECKING:
@@ -53,7 +52,7 @@ class RobotFlags:
             found = load(robot, **choices, lock=self.lock)
         if not found.inertial_parameters[: found.num_energy_parameters].any():
             text = "no link has an inertia: base parameters follow from the geometry alone, all else needs inertias"
-            warnings.warn(f"{robot}: {text}", SimplificationWarning, stacklevel=2)
+            warn(f"{robot}: {text}", SimplificationWarning)
         return found
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
@@ -18,7 +17,7 @@ from adaptctl.control.controller import ReferencePoint
 from adaptctl.control.gains.sampling_ratio import sampling_ratio, validate_sampling_ratio
 from adaptctl.control.gains.workspace import Workspace
 from adaptctl.control.passivity_based import PassivityBased, ReferenceVelocity
-from adaptctl.errors import StabilityWarning
+from adaptctl.errors import StabilityWarning, warn
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, column
 
@@ -145,12 +144,11 @@ class SlotineLi(PassivityBased):
             self.model, self.adaptation_law.gain, prior, fed_back, self.control_period, self.workspace
         )
         if held + own >= 2.0:
-            warnings.warn(
+            warn(
                 f"{self.model.mechanism.name}: the sampling ratio of the gains is {held:.3g}, and estimates within the "
                 f"prior may add {own:.3g}: stability is only guaranteed below 2. Reduce the adaptation "
                 "gain (`adaptation_gain` with the gains), bandwidth, period or prior",
                 StabilityWarning,
-                stacklevel=4,
             )
 
     @property

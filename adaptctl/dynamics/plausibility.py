@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from pathlib import Path
 from typing import Protocol
 
@@ -15,7 +14,7 @@ from adaptctl.description.drive import Drive
 from adaptctl.description.inertia import pseudo_inertia
 from adaptctl.description.link import GROUND
 from adaptctl.description.reach import reach_behind
-from adaptctl.errors import PlausibilityWarning
+from adaptctl.errors import PlausibilityWarning, warn
 
 MAX_DENSITY = 22_600.0
 """kg/m^3: osmium's"""
@@ -46,13 +45,13 @@ class PosedArm(Protocol):
         """Torques (..., r) of motions (..., r)."""
 
 
-def warn_of_implausible(mechanism: PosedArm, source: str | Path, stacklevel: int = 2) -> None:
+def warn_of_implausible(mechanism: PosedArm, source: str | Path) -> None:
     """Warn (`PlausibilityWarning`) in one line of masses, inertias and torque limits that no robot has."""
     description = mechanism.description
     told = [*implausible_masses(description), *_listed(_overloads(mechanism))]
     if told:
         text = f"{source}: implausible: {'; '.join(told)}; expected kg, m, kg m^2 and N m"
-        warnings.warn(text, PlausibilityWarning, stacklevel=stacklevel + 1)
+        warn(text, PlausibilityWarning)
 
 
 def _listed(told: list[str]) -> list[str]:

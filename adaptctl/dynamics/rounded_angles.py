@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.description import Description, JointKind
 from adaptctl.description.right_angles import ROUNDED_ANGLE, near_right_angles, snapped
 from adaptctl.dynamics.tree_equations import TreeEquations
-from adaptctl.errors import RoundedAnglesWarning
+from adaptctl.errors import RoundedAnglesWarning, warn
 from adaptctl.scalars import Column
 
 ROUNDED_TORQUE = 1e-4
@@ -18,7 +16,7 @@ ROUNDED_TORQUE = 1e-4
 STATES, GRAVITY = 64, 9.81
 
 
-def as_meant(before: Description, where: str, stacklevel: int) -> Description:
+def as_meant(before: Description, where: str) -> Description:
     """Mechanism whose rounded right angles are exact if torques hardly tell, with a `RoundedAnglesWarning`."""
     rounded = [angle for angle in near_right_angles(before) if abs(angle.deviation) <= ROUNDED_ANGLE]
     if not rounded:
@@ -28,7 +26,7 @@ def as_meant(before: Description, where: str, stacklevel: int) -> Description:
         return before
     many = len(rounded) > 1
     text = f"{len(rounded)} rounded angles taken as right angles" if many else "1 rounded angle taken as a right angle"
-    warnings.warn(RoundedAnglesWarning(f"{where}: {text}", before, after), stacklevel=stacklevel + 1)
+    warn(RoundedAnglesWarning(f"{where}: {text}", before, after))
     return after
 
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError, NotFoundError, SimplificationWarning, validate_kind
+from adaptctl.errors import InputError, NotFoundError, SimplificationWarning, validate_kind, warn
 from adaptctl.tuning.rotors import rotorless
 
 ROTOR = 0.02
@@ -96,11 +95,10 @@ def with_rotors(mechanism: Mechanism, profile: str | None = None) -> Mechanism:
     if not missing:
         return mechanism
     if profile is None:
-        warnings.warn(
+        warn(
             f"{mechanism.name}: the description has no rotor inertia of {', '.join(missing)}: guessed from torque "
             "limits, and learned; gains follow from them, so give measured ones if you have them",
             SimplificationWarning,
-            stacklevel=2,
         )
     return having_rotors(mechanism, {name: inertias[name] for name in missing})
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.recursion.kinematics import link_poses
-from adaptctl.errors import SimplificationWarning
+from adaptctl.errors import SimplificationWarning, warn
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +53,7 @@ def _self_collision(mechanism: Mechanism, robot: str | Path) -> Callable[[Array]
         )
     except (ValueError, RuntimeError) as error:
         reason = str(error).strip().splitlines()[-1] if str(error).strip() else type(error).__name__
-        warnings.warn(f"{path}: self-collision is not checked ({reason})", SimplificationWarning, stacklevel=2)
+        warn(f"{path}: self-collision is not checked ({reason})", SimplificationWarning)
         return None
     names = [joint.name for joint in mechanism.primary_joints]
     if geometry.ngeoms == 0 or any(joint.nq != 1 for joint in list(model.joints)[1:]):

@@ -10,7 +10,6 @@ import socket
 import subprocess
 import sys
 import time
-import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
@@ -23,7 +22,7 @@ from adaptctl.arrays import positive_number
 from adaptctl.description.visual import Box, Visual
 from adaptctl.description.writers.mechanism_file import mechanism_toml
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError, LiveViewWarning, MissingExtraError, NonFiniteError, validate_kind
+from adaptctl.errors import InputError, LiveViewWarning, MissingExtraError, NonFiniteError, validate_kind, warn
 from adaptctl.files import validate_place
 from adaptctl.optional_packages import viewer_program
 
@@ -210,7 +209,7 @@ class Live:
 
     def _lose(self, why: str) -> None:
         self._disconnect()
-        warnings.warn(f"live view: ended ({why}); the run continues without it", LiveViewWarning, stacklevel=4)
+        warn(f"live view: ended ({why}); the run continues without it", LiveViewWarning)
 
     def _disconnect(self) -> None:
         if self._socket is not None:
@@ -243,10 +242,9 @@ def reachable(address: str, start_viewer: bool = False, inline: bool = False) ->
             if _answers(int(port)):
                 return url
             time.sleep(0.1)
-    warnings.warn(
+    warn(
         f"live view: no viewer is reachable at {HOST}:{port}; the run continues without a live view",
         LiveViewWarning,
-        stacklevel=4,
     )
     return None
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import math
-import warnings
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +26,7 @@ from adaptctl.errors import (
     ReferenceWarning,
     SimplificationWarning,
     suggested_name,
+    warn,
 )
 from adaptctl.files import similar, validate_readable
 from adaptctl.simulation.period import PlantState
@@ -292,7 +292,7 @@ def _held(path: str | Path, model: mujoco.MjModel) -> mujoco.MjModel:
     spec = mujoco.MjSpec.from_file(str(path))
     if not (names := held_scene(spec)):
         return model
-    warnings.warn(f"{path}: the base is held still: {', '.join(names)}", SimplificationWarning, stacklevel=4)
+    warn(f"{path}: the base is held still: {', '.join(names)}", SimplificationWarning)
     return spec.compile()
 
 
@@ -332,12 +332,11 @@ def warn_of_contacts(plant: MuJoCoPlant, reference: Reference) -> None:
         return
     (one, other), count = found.most_common(1)[0]
     more = f", and {len(found) - 1} more pairs of bodies" if len(found) > 1 else ""
-    warnings.warn(
+    warn(
         f"{plant.mechanism.name}: along the reference, {one!r} and {other!r} are in contact at {count} of "
         f"{CONTACT_SAMPLES} times{more}, but the model of the controller has no contacts: give another reference, or "
         "exclude the pair in the scene",
         ReferenceWarning,
-        stacklevel=4,
     )
 
 

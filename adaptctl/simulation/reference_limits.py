@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,7 +11,7 @@ from adaptctl.arrays import Array
 from adaptctl.control.controller import Reference
 from adaptctl.control.spline import Spline
 from adaptctl.description import Joint
-from adaptctl.errors import ReferenceWarning
+from adaptctl.errors import ReferenceWarning, warn
 
 SAMPLES = 401
 """number of times"""
@@ -24,7 +23,7 @@ MANY_TURNS = 6.0 * math.pi
 """rad: a joint without limits that starts beyond so much may be given in degrees"""
 
 
-def warn_of_limits(reference: Reference, joints: Sequence[Joint], duration: float, stacklevel: int = 2) -> None:
+def warn_of_limits(reference: Reference, joints: Sequence[Joint], duration: float) -> None:
     """Warn (`ReferenceWarning`) in one line of positions and speeds beyond limits, and of angles like degrees."""
     point = reference(np.linspace(0.0, duration, SAMPLES))
     p, v = np.asarray(point.p, dtype=np.float64), np.asarray(point.v, dtype=np.float64)
@@ -35,7 +34,7 @@ def warn_of_limits(reference: Reference, joints: Sequence[Joint], duration: floa
     if told:
         degrees = any(_may_be_degrees(joint, p[:, k]) for k, joint in enumerate(joints))
         hint = "; expected rad, and these look like degrees" if degrees else ""
-        warnings.warn(f"reference: {'; '.join(told)}{hint}", ReferenceWarning, stacklevel=stacklevel + 1)
+        warn(f"reference: {'; '.join(told)}{hint}", ReferenceWarning)
 
 
 def _beyond(joint: Joint, p: Array, v: Array) -> list[str]:

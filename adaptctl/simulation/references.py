@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -16,7 +15,7 @@ from adaptctl.caching import cached_property
 from adaptctl.compilation import Kernel, compile_function
 from adaptctl.control.controller import Reference, ReferencePoint
 from adaptctl.control.references import SinusoidNumbers, Sinusoids, sinusoids_at
-from adaptctl.errors import InputError, NonFiniteError, ReferenceWarning, shown
+from adaptctl.errors import InputError, NonFiniteError, ReferenceWarning, shown, warn
 from adaptctl.scalars import Column, column
 
 DERIVATIVE_SAMPLES, DIFFERENCE_STEP = 41, 1e-4
@@ -34,7 +33,7 @@ def validate_point(point: object) -> None:
         )
 
 
-def warn_of_derivatives(reference: Reference, names: Sequence[str], duration: float, stacklevel: int = 2) -> None:
+def warn_of_derivatives(reference: Reference, names: Sequence[str], duration: float) -> None:
     """Warn (`ReferenceWarning`) of velocities or accelerations that are not derivatives."""
     time = (
         DIFFERENCE_STEP
@@ -52,11 +51,10 @@ def warn_of_derivatives(reference: Reference, names: Sequence[str], duration: fl
         wrong = _wrong(np.asarray(stated), (np.asarray(high) - np.asarray(low)) / (2.0 * DIFFERENCE_STEP))
         if wrong:
             joints = ", ".join(names[j] if j < len(names) else f"{j}" for j in wrong)
-            warnings.warn(
+            warn(
                 f"reference: the {what} of {joints} is not the derivative of its {of}: the controller can follow "
                 f"neither; give {type(reference).__name__} exact derivatives, or use a `Spline` through its positions",
                 ReferenceWarning,
-                stacklevel=stacklevel + 1,
             )
             return
 

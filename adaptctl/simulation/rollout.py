@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from time import perf_counter
@@ -18,7 +17,7 @@ from adaptctl.control.held_state import HeldState
 from adaptctl.control.wrench_torque import WrenchTorque
 from adaptctl.description import Joint
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import DivergedRunWarning, InputError, validate_kind
+from adaptctl.errors import DivergedRunWarning, InputError, validate_kind, warn
 from adaptctl.simulation.closed_loop import guards
 from adaptctl.simulation.mujoco_plant import TOUCH_FLAGS
 from adaptctl.simulation.references import REFERENCE
@@ -146,7 +145,7 @@ def warn_if_ended_early(run: Rollout, caller: str) -> None:
     """Give a `DivergedRunWarning` on a run that its environment ended."""
     if run.terminated:
         text = f"{caller}: the environment ended the run after {run.duration:.6g} s, before its end: see `terminated`"
-        warnings.warn(text, DivergedRunWarning, stacklevel=3)
+        warn(text, DivergedRunWarning)
 
 
 def stepped(

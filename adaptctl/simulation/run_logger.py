@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -13,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import frozen, positive_period
 from adaptctl.control.controller import ReferencePoint
-from adaptctl.errors import InputError, LostSamplesWarning
+from adaptctl.errors import InputError, LostSamplesWarning, warn
 from adaptctl.files import validate_place
 from adaptctl.simulation.rollout_file import RolloutFile, joint_names, stated_units
 from adaptctl.simulation.run import Rollout
@@ -210,7 +209,7 @@ class RunLogger:
     ) -> None:
         if self.lost or self.faulty:
             text = f"of {self.count + self.faulty} samples, {self.lost} were overwritten and {self.faulty} omitted"
-            warnings.warn(f"log: {text}: `capacity` is {len(self._rows)}", LostSamplesWarning, stacklevel=2)
+            warn(f"log: {text}: `capacity` is {len(self._rows)}", LostSamplesWarning)
         if self._path is not None and self.count >= 2:
             self.rollout(interrupted=kind is not None).save(self._path, self._joints)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -14,7 +13,7 @@ import numpy as np
 from adaptctl.arrays import Array, frozen
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.dynamics.joint_units import position_units
-from adaptctl.errors import NonFiniteError, NotCompiledWarning
+from adaptctl.errors import NonFiniteError, NotCompiledWarning, warn
 from adaptctl.simulation.closed_loop import ClosedLoop, Driven, Episode, Sample, not_compiled
 from adaptctl.simulation.period import PlantState
 from adaptctl.simulation.references import REFERENCE, sampled
@@ -119,7 +118,7 @@ def simulated(
     try:
         episode = _episode(env, controller, seed, options)
     except NotImplementedError as reason:
-        warnings.warn(f"simulate: {reason}: running step by step with rollout", NotCompiledWarning, stacklevel=3)
+        warn(f"simulate: {reason}: running step by step with rollout", NotCompiledWarning)
         run = stepped(
             env,
             controller,

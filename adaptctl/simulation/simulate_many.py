@@ -319,9 +319,9 @@ class _Runs(Driven):
         self.final = max(0, self.steps - round(FINAL_WINDOW / self.control_period))
         first = reference[0] if isinstance(reference, Sequence) else reference
         joints = loop.plant.mechanism.primary_joints
-        warn_of_derivatives(first, [joint.name for joint in joints], duration, 4)
+        warn_of_derivatives(first, [joint.name for joint in joints], duration)
         if _is_in_joints(loop.controller):
-            warn_of_limits(first, joints, duration, 4)
+            warn_of_limits(first, joints, duration)
 
     @property
     def count(self) -> int:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
@@ -12,7 +11,7 @@ from adaptctl.control import GuardedLearning, SlotineLi
 from adaptctl.control.adaptation.late_torques import MAX_DELAY
 from adaptctl.control.controller import Reference
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError, TuningWarning, validate_kind
+from adaptctl.errors import InputError, TuningWarning, validate_kind, warn
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.simulation.effects.actuators import ControlDelay
 from adaptctl.simulation.effects.effect import Effect
@@ -99,7 +98,7 @@ def adaptive_controller(
     late = (ControlDelay(delay),) if delay else ()
     tuning = tune(mechanism, **given, seed=seed, effects=(*listed(effects), *late), nominal_only=True)
     for note in tuning.notes:
-        warnings.warn(f"{mechanism.name}: {note}", TuningWarning, stacklevel=2)
+        warn(f"{mechanism.name}: {note}", TuningWarning)
     model = ReducedModel(mechanism, fundamental_basis(essential_space(mechanism, seed=seed)))
     return tuning.controller(model, anyway=anyway)
 

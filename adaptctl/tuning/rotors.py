@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import SimplificationWarning
+from adaptctl.errors import SimplificationWarning, warn
 
 URDF = "URDF file"
 """beginning of the source of a description from a format without rotors"""
@@ -36,4 +34,4 @@ def rotor_note(mechanism: Mechanism) -> str:
 def warn_of_rotors(mechanism: Mechanism) -> None:
     """Warn (`SimplificationWarning`) of gains that lean on rotors which the file does not have."""
     if note := rotor_note(mechanism):
-        warnings.warn(f"{mechanism.name}: {note}", SimplificationWarning, stacklevel=3)
+        warn(f"{mechanism.name}: {note}", SimplificationWarning)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -16,7 +15,7 @@ from adaptctl.description.inertia import from_center_of_mass, from_tensor
 from adaptctl.description.joint import Joint, JointKind
 from adaptctl.description.link import Link, weightless_ends
 from adaptctl.description.pose import Pose, roll_pitch_yaw
-from adaptctl.errors import InputError, SimplificationWarning, printable, suggested_name
+from adaptctl.errors import InputError, SimplificationWarning, printable, suggested_name, warn
 
 if TYPE_CHECKING:
     from adaptctl.description.loops import Loops
@@ -181,18 +180,18 @@ def validate_mass_of_inertia(link: Link) -> Link:
     return link
 
 
-def warn_of_weightless(path: Any, links: Sequence[Link], loops: Loops | None, stacklevel: int = 3) -> None:
+def warn_of_weightless(path: Any, links: Sequence[Link], loops: Loops | None) -> None:
     """Warn of end links of a file that move without inertia or rotor."""
     if loops is None and any(np.any(link.inertia) for link in links) and (names := weightless_ends(links)):
         text = "moving links without mass at the end of the chain, whose accelerations are undetermined"
-        warnings.warn(f"{path}: {text}: {', '.join(names)}", SimplificationWarning, stacklevel=stacklevel)
+        warn(f"{path}: {text}: {', '.join(names)}", SimplificationWarning)
 
 
-def warn_of_repeated(path: Any, names: Sequence[str], stacklevel: int = 3) -> None:
+def warn_of_repeated(path: Any, names: Sequence[str]) -> None:
     """Warn of constraints that say the same as others of a file."""
     if names:
         text = "constraints given twice are taken once"
-        warnings.warn(f"{path}: {text}: {', '.join(names)}", SimplificationWarning, stacklevel=stacklevel)
+        warn(f"{path}: {text}: {', '.join(names)}", SimplificationWarning)
 
 
 def zero_limits(lower: float | None, upper: float | None, velocity: float | None, effort: float | None) -> str:
@@ -215,14 +214,14 @@ def is_more_than_a_turn(angles: Iterable[float] | float | None) -> bool:
     return any(abs(angle) > MAX_FRAME_ANGLE for angle in given)
 
 
-def warn_of_degrees(path: Any, links: Sequence[Link], frames: Sequence[str], stacklevel: int = 3) -> None:
+def warn_of_degrees(path: Any, links: Sequence[Link], frames: Sequence[str]) -> None:
     """Warn of angles read as rad that look like degrees."""
     suspect = [link.joint for link in links if _may_be_degrees(link)]
     if names := [*(f"limits of {joint.name}" for joint in suspect), *frames]:
         most = max((abs(bound) for joint in suspect for bound in _bounds(joint)), default=180.0)
         text = "angles are read in radians, but look like degrees"
         hint = f"{most:g} degrees are {math.radians(most):.4g}"
-        warnings.warn(f"{path}: {text}: {', '.join(names)}; {hint}", SimplificationWarning, stacklevel=stacklevel)
+        warn(f"{path}: {text}: {', '.join(names)}; {hint}", SimplificationWarning)
 
 
 def _may_be_degrees(link: Link) -> bool:

@@ -105,9 +105,8 @@ def read_mjcf(path: str | Path, *, root: str | None = None, floating_base: bool 
         ("tendons are ignored", scanned.tendons),
         ("friction, armature, limits and actuators of ball and free joints are ignored", changed.ignored),
         arm.undriven(links, loops, changed.floating),
-        stacklevel=4,
     )
-    warn_of_degrees(path, links, (), stacklevel=4)
+    warn_of_degrees(path, links, ())
     return made
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
@@ -25,7 +24,7 @@ from adaptctl.description.readers.entries import (
     validate_mass_of_inertia,
 )
 from adaptctl.description.readers.xml_elements import LineElement, located
-from adaptctl.errors import InputError, NotFoundError, SimplificationWarning
+from adaptctl.errors import InputError, NotFoundError, SimplificationWarning, warn
 from adaptctl.optional_packages import needed
 
 if TYPE_CHECKING:
@@ -170,7 +169,6 @@ class MujocoArm:
         where: str,
         links: Sequence[Link],
         *more: tuple[str, Sequence[str]],
-        stacklevel: int = 3,
     ) -> None:
         """Warn (`SimplificationWarning`) of what the arm has and its description has not, and of `more`."""
         sprung = [link.joint.name for j, link in zip(self.joints, links, strict=True) if _is_bent(self.model, j)]
@@ -184,7 +182,7 @@ class MujocoArm:
             *more,
         ):
             if names:
-                warnings.warn(f"{where}: {text}: {', '.join(names)}", SimplificationWarning, stacklevel=stacklevel)
+                warn(f"{where}: {text}: {', '.join(names)}", SimplificationWarning)
 
     def undriven(
         self, links: Sequence[Link], loops: Loops | None, floating: Sequence[str] = ()

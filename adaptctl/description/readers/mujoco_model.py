@@ -46,7 +46,7 @@ def loops_of(arm: MujocoArm, links: Sequence[Link], where: str, floating: Sequen
     """Loop constraints, that the active equalities of MuJoCo's model make on an `arm`."""
     found = _Equalities(arm, [link.name for link in links], [link.joint.name for link in links])
     loops, repeated = found.loops(floating)
-    warn_of_repeated(where, repeated, stacklevel=5)
+    warn_of_repeated(where, repeated)
     return loops
 
 

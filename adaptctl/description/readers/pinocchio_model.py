@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import warnings
 from collections.abc import Iterator
 
 import numpy as np
@@ -19,7 +18,7 @@ from adaptctl.description.link import GROUND, Link, depth_first
 from adaptctl.description.loops import Closure, ClosureKind
 from adaptctl.description.pose import FrameKind, NamedFrame, Pose
 from adaptctl.description.readers.entries import zero_limits
-from adaptctl.errors import InputError, NotFoundError, SimplificationWarning
+from adaptctl.errors import InputError, NotFoundError, SimplificationWarning, warn
 
 _ONE_COORDINATE = re.compile(r"JointModel(R[XYZ]|RUB[XYZ]|P[XYZ]|(Revolute|RevoluteUnbounded|Prismatic)Unaligned)")
 _UNLIMITED = 1e300
@@ -302,7 +301,7 @@ def _negative_limited(model: pinocchio.Model) -> list[str]:
 
 def _warn(model: pinocchio.Model, text: str, names: list[str]) -> None:
     if names:
-        warnings.warn(f"{model.name}: {text}: {', '.join(names)}", SimplificationWarning, stacklevel=3)
+        warn(f"{model.name}: {text}: {', '.join(names)}", SimplificationWarning)
 
 
 def to_pinocchio_constraints(description: Description, model: pinocchio.Model) -> list[pinocchio.RigidConstraintModel]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from itertools import islice
@@ -22,6 +21,7 @@ from adaptctl.errors import (
     SimplificationWarning,
     shown,
     suggested_name,
+    warn,
 )
 from adaptctl.files import MAX_LISTED, read_toml
 
@@ -183,7 +183,7 @@ def read(
     description = _reader(path)(path, **{name: x for name, x in asked.items() if x})
     if floating_base:
         text = "the base floats: in closed loop it is pushed by six ideal forces that no robot has"
-        warnings.warn(f"{source}: {text}", SimplificationWarning, stacklevel=3)
+        warn(f"{source}: {text}", SimplificationWarning)
     _warn_of_inconsistency(description, _ASSIGNED.get(str(source), "") if known else "")
     return description
 
@@ -244,7 +244,7 @@ def _warn_of_inconsistency(description: Description, remark: str) -> None:
     names = [link.name for link in description.links if _is_impossible(link.inertia)]
     if names:
         text = f"{description.name}: physically inconsistent inertial parameters of {', '.join(names)}"
-        warnings.warn(f"{text}. {remark}".removesuffix(". "), PhysicalConsistencyWarning, stacklevel=3)
+        warn(f"{text}. {remark}".removesuffix(". "), PhysicalConsistencyWarning)
 
 
 def _is_impossible(ten: Array) -> bool:

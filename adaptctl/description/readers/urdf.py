@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -53,7 +52,7 @@ from adaptctl.description.readers.xml_elements import (
 )
 from adaptctl.description.transforms import above_base, floating, frames_above_base
 from adaptctl.description.visual import Visual
-from adaptctl.errors import FileError, InputError, SimplificationWarning, suggested_name
+from adaptctl.errors import FileError, InputError, SimplificationWarning, suggested_name, warn
 
 KINDS = {kind.value: kind for kind in JointKind}
 UNREAD_MACROS = ("property", "arg", "macro")
@@ -442,4 +441,4 @@ def _listed(names: Sequence[str]) -> str:
 
 def _warn(path: str | Path, text: str, names: Sequence[str]) -> None:
     if names:
-        warnings.warn(f"{path}: {text}: {', '.join(names)}", SimplificationWarning, stacklevel=3)
+        warn(f"{path}: {text}: {', '.join(names)}", SimplificationWarning)
