@@ -10,9 +10,9 @@ import pytest
 
 import adaptctl
 from adaptctl.arrays import Array
-from adaptctl.control.adaptation.payload_test import PayloadTest
+from adaptctl.control.adaptation.payload_test import PayloadTest, _is_an_inertia, _point_mass
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import column
+from adaptctl.scalars import Column, column
 
 MASS, CENTER = 2.0, np.array([0.1, -0.05, 0.4])
 OWN = np.diag([0.17, 0.16, 0.02])
@@ -58,3 +58,29 @@ def test_without_a_mass_of_its_own_no_center_is_known() -> None:
     model = ReducedModel(arm, adaptctl.fundamental_basis(adaptctl.essential_space(arm)))
     assert not PayloadTest(model, column(np.ones(len(model.names))))._tells_mass
     assert judge("puma560_measured")._tells_mass
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_load_has_an_inertia_that_is_positive_about_all_axes_or_negative(sign: float) -> None:
+    """As eigenvalues tell, but for a tenth of its trace and a slack."""
+    rng, told = np.random.default_rng(3), []
+    for _ in range(60):
+        tensor = rng.normal(size=(3, 3))
+        tensor = 0.5 * (tensor + tensor.T) + rng.uniform(0.0, 2.5) * np.eye(3)
+        least = np.linalg.eigvalsh(tensor)[0] + 0.1 * abs(np.trace(tensor)) + 0.05
+        if np.trace(tensor) > 0.0 and abs(least) > 1e-6:
+            load = np.concatenate((np.zeros(4), sign * tensor[np.tril_indices(3)]))
+            told.append((float(_is_an_inertia(Column(load.tolist()), 0.05)), least > 0.0))
+    assert all(found == expected for found, expected in told)
+    assert {expected for _, expected in told} == {True, False}
+
+
+@pytest.mark.parametrize(("mass", "size"), [(2.0, 2.0), (-2.0, 2.0), (0.5, 0.9), (0.001, 0.01)])
+def test_a_point_mass_is_at_its_center_and_a_metre_away_at_most(mass: float, size: float) -> None:
+    """A load with a larger moment than its mass has at a metre counts as one of so much mass."""
+    moment = np.array([0.6, 0.0, -np.sqrt(0.45)]) * (1.0 if size == 0.9 else 0.001)
+    inertia, weight = _point_mass(Column([mass, *moment]))
+    square = moment @ moment
+    tensor = np.sign(mass) / size * (square * np.eye(3) - np.outer(moment, moment))
+    np.testing.assert_allclose(inertia, tensor[np.tril_indices(3)], atol=1e-15)
+    assert weight == pytest.approx((2.0 * 0.1 * square / size + 0.3**2 * size) ** -2)
