@@ -69,10 +69,11 @@ def blank(drawing: Drawing, path: Path) -> None:
 
 @pytest.fixture(scope="module", autouse=True)
 def _undrawn(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Figures are empty, but in modules marked `drawn`: to draw them takes longer than to run an experiment."""
+    """Figures are empty and images coarse, but in modules marked `drawn`: to draw takes longer than most tests do."""
     with pytest.MonkeyPatch.context() as patch:
         if not request.node.get_closest_marker("drawn"):
             patch.setattr("adaptctl.recording.drawing._write_png", blank)
+            patch.setattr("adaptctl.envs.rendering.OVERSAMPLING", 1)
         yield
 
 

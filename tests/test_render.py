@@ -49,6 +49,12 @@ def renderer(puma: Mechanism) -> Renderer:
     return Renderer(puma)
 
 
+@pytest.fixture
+def fine(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As many rays a pixel as users' images have."""
+    monkeypatch.setattr("adaptctl.envs.rendering.OVERSAMPLING", OVERSAMPLING)
+
+
 def depth_in(solid: ConvexPart, points: Array) -> Array:
     """How far points (..., 3) are inside a solid, negative outside (the signed distance up to a factor)."""
     axis = solid.end - solid.start
@@ -149,6 +155,7 @@ def test_lines_on_the_floor_are_a_round_number_apart(reach: float) -> None:
     assert float(f"{found:e}".partition("e")[0]) in (1.0, 2.0, 5.0)
 
 
+@pytest.mark.usefixtures("fine")
 def test_pixels_are_the_means_of_their_rays() -> None:
     rays = np.arange(24.0).reshape(2 * OVERSAMPLING, OVERSAMPLING, 3) / 30.0
     means = rays.reshape(2, OVERSAMPLING, OVERSAMPLING, 3).mean(axis=(1, 2))
@@ -156,6 +163,7 @@ def test_pixels_are_the_means_of_their_rays() -> None:
     assert _pixels(np.full((2, 2, 3), 1.7)).tolist() == [[[255, 255, 255]]]
 
 
+@pytest.mark.usefixtures("fine")
 def test_the_picture_is_the_one_that_was_looked_at(puma: Mechanism) -> None:
     """Made with `matplotlib.image.imsave`: an arm, its shadow and pedestal, a ghost, a floor with lines, and words."""
     kept = 255.0 * imread(Path(__file__).parent / "golden" / "puma560.png")[..., :3]
