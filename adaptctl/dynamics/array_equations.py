@@ -39,6 +39,9 @@ class OnArrays(Protocol):
     def into(self) -> Callable[..., Array]:
         """Equation that fills its first argument."""
 
+    def is_native(self, states: int) -> bool:
+        """True if it runs as native code, which it does once it is asked for enough states."""
+
 
 class ArrayEquation:
     """Equation of a mechanism on NumPy arrays."""
@@ -78,7 +81,7 @@ class ArrayEquation:
         return self._name
 
     def is_native(self, states: int) -> bool:
-        """True if the equation runs as native code."""
+        """True if it runs as native code, which it does once it is asked for enough states."""
         return self._kernel is not None or self._compiled(states) is not None
 
     def arrays_of(self, *arguments: ArrayLike) -> tuple[list[Array], tuple[int, ...]]:
@@ -195,8 +198,7 @@ class RowByRow:
                 return self._chosen(self._all_rows(self._numbers(*arguments)))
         arrays, samples = self._whole.arrays_of(*arguments)
         count = math.prod(samples)
-        self._native = self._native or (count > 0 and self._powers.is_native(count * self._dof))
-        if not count or not (self._native or count == 1):
+        if (not self.is_native(count) and count != 1) or not count:
             return self._whole.call(*arguments)
         numbers = self._numbers(*arrays)
         states = numbers.reshape(count, numbers.shape[-1])
@@ -205,6 +207,11 @@ class RowByRow:
         for k, state in enumerate(states):
             found[k] = self._chosen(self._all_rows(state, rows))
         return found.reshape(*samples, *found.shape[1:])
+
+    def is_native(self, states: int) -> bool:
+        """True if it runs as native code, which it does once it is asked for enough states."""
+        self._native = self._native or (states > 0 and self._powers.is_native(states * self._dof))
+        return self._native
 
     def _numbers(self, p: ArrayLike, v: ArrayLike, *reference: ArrayLike) -> Array:
         """Numbers (..., m) of motions."""

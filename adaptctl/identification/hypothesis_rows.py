@@ -14,6 +14,7 @@ from adaptctl.arrays import Array
 from adaptctl.caching import cached_property
 from adaptctl.description.drive import DriveParameter
 from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.array_equations import OnArrays
 from adaptctl.identification.consistent_estimate import consistent_estimate
 from adaptctl.identification.filtered_dynamics import MIN_ROWS, ROWS_PER_PERIOD, RowFilter, Rows, SmoothMotion
 from adaptctl.identification.fit import FitSettings, LogEvidence
@@ -30,6 +31,8 @@ from adaptctl.logs.units import TORQUE
 
 # Instants in a period of the cut-off, instants in all, and windows of a log that are spread over it if it has more.
 DENSITY, MAX_INSTANTS, WINDOWS = 8.0, 2500, 10
+# Motions that are tried for each joint, about.
+MOTIONS = 12
 # Weight of the prior, share of peak speed below which a joint's rows do not count, and relative error of a joint below
 # which fits count as equal.
 PRIOR_WEIGHT, SLOW, LEAST_ERROR = 0.1, 0.05, 0.003
@@ -113,8 +116,18 @@ class HypothesisRows:
 
     def regressor(self, mechanism: Mechanism, position: Array, velocity: Array, acceleration: Array) -> PackedRegressor:
         """Regressor (n, r, P) of another motion of the joints, or of another mechanism."""
-        packed = PackedRegressor.of(mechanism.torque_regressor(position, velocity, acceleration))
+        own = mechanism is self.evidence.mechanism
+        evaluated = self._equation.call if own else mechanism.torque_regressor
+        packed = PackedRegressor.of(evaluated(position, velocity, acceleration))
         return packed._replace(values=self.filtered(packed.values))
+
+    @cached_property
+    def _equation(self) -> OnArrays:
+        """Regressor of the mechanism, which is asked for so often that it is compiled at once."""
+        mechanism = self.evidence.mechanism
+        found = mechanism.column_regressor("torque_regressor", range(len(mechanism.parameter_names)))
+        found.is_native(MOTIONS * mechanism.dof * len(self.position))
+        return found
 
     def _parts(self, values: Array) -> Iterator[tuple[SmoothMotion, RowFilter, Array]]:
         ends = np.cumsum([0, *(len(motion.position) for motion in self.windows)]).tolist()

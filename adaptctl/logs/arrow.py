@@ -100,21 +100,27 @@ def _moments(name: str, column: Any, first: int | None) -> LogColumn:
 def _floats(column: Any, first: int | None) -> tuple[Array, int | None]:
     """Floating-point numbers (n,); of whole ones that these cannot tell apart, the differences from the first."""
     import pyarrow as pa
-    import pyarrow.compute as pc
 
     if first is not None:
         return _from_first(column, first)
     if pa.types.is_integer(column.type) and len(column) > column.null_count:
-        least, most = (int(end.as_py()) for end in pc.min_max(column).values())
+        given = _given(column)
+        least, most = int(given.min()), int(given.max())
         if max(abs(least), abs(most)) >= EXACT and most - least < 2**62:
             return _from_first(column, None)
-    return np.asarray(column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False), dtype=np.float64), None
+    whole = column.cast(pa.float64(), safe=False) if column.null_count else column
+    return np.asarray(whole.to_numpy(zero_copy_only=False), dtype=np.float64), None
+
+
+def _given(column: Any) -> NDArray[Any]:
+    """Values (m,) of a column that are not null; of Arrow's functions, which take long to load, where some are."""
+    return np.asarray((column.drop_null() if column.null_count else column).to_numpy(zero_copy_only=False))
 
 
 def _from_first(column: Any, first: int | None) -> tuple[Array, int | None]:
     """Differences (n,) of whole numbers from the first, NaN where there is none, and the first."""
     given = np.asarray(column.is_valid())
-    whole = np.asarray(column.drop_null().to_numpy(zero_copy_only=False))
+    whole = _given(column)
     out = np.full(len(column), np.nan)
     if len(whole):
         first = int(whole[0]) if first is None else first
