@@ -376,3 +376,15 @@ def test_places_do_not_depend_on_the_order_in_which_values_were_found() -> None:
     one, other = {0, 8}, {8, 0}
     assert list(one) != list(other)
     assert llvm._places({0: 0, 8: 0}, [set(), one]) == llvm._places({0: 0, 8: 0}, [set(), other])
+
+
+def test_a_routine_is_freed_with_its_last_user_not_by_a_search_for_cycles() -> None:
+    routine = trace(lambda x: Column(map(sin, x)), {"x": 3})
+    freed, gc_was_on = weakref.ref(routine), gc.isenabled()
+    gc.disable()
+    try:
+        program(routine, Lanes())
+        del routine
+        assert freed() is None
+    finally:
+        gc.enable() if gc_was_on else gc.disable()

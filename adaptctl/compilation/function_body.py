@@ -40,7 +40,7 @@ class FunctionBody:
         self._uniform = uniform if lanes.count > 1 else ()
         self._text, self._lanes = Instructions(lanes), lanes
         self._symbols, self._found, self._same, self._landed = symbols, found, same, landed
-        self._sines = SinesAtOnce(self._text, self._operand, self._has)
+        self._sines = SinesAtOnce(self._text)
         self._turns = asked_at_once([x for x in expressions if x.index not in found and x.index not in same.places])
         self._latest: dict[int, tuple[str, int]] = {}  # names, and how many expressions were written at the last use
         self._stored: dict[int, tuple[str, int]] = {}
@@ -56,7 +56,7 @@ class FunctionBody:
         """Append the instructions of an `expression`, after its operands'."""
         self._now += 1
         if expression.index in self._turns:
-            self._sines.turn(self._turns[expression.index])
+            self._sines.turn(self._turns[expression.index], self._operand, self._has)
         if expression.op is Op.CALL:
             self._call(expression, expression.detail, arguments(expression))
         elif self._place(expression) is None:

@@ -89,8 +89,8 @@ _WIDE = (2, 4, 8)
 class SinesAtOnce:
     """Sines and cosines of groups of angles as LLVM instructions."""
 
-    def __init__(self, text: Instructions, operand: Callable[[Any], str], has: Callable[[Expression], bool]) -> None:
-        self._text, self._operand, self._has = text, operand, has
+    def __init__(self, text: Instructions) -> None:
+        self._text = text
         self._pairs: dict[Expression, tuple[str, int]] = {}
         self._size: dict[str, int] = {}
 
@@ -99,30 +99,32 @@ class SinesAtOnce:
         found = self._pairs.get(x.operands[0]) if x.op in ANGLES else None
         return None if found is None else (found[0], found[1] + ANGLES[x.op])
 
-    def turn(self, angles: Sequence[Expression]) -> None:
-        """Append instructions of sines and cosines not yet computed."""
+    def turn(
+        self, angles: Sequence[Expression], operand: Callable[[Any], str], has: Callable[[Expression], bool]
+    ) -> None:
+        """Append instructions of sines and cosines not yet computed, of values that have names."""
         most, group = _WIDE[-1] if self._text.lanes.count == 1 else len(angles), list[_Turn]()
         for x in (x for x in angles if x not in self._pairs):
-            turn = self._turn(x)
+            turn = self._turn(x, has)
             if group and (len(group) == most or turn.memory != group[0].memory):
-                self._write(group)
-                group, turn = [], self._turn(x)  # of what was written, it may be a step from one
+                self._write(group, operand)
+                group, turn = [], self._turn(x, has)  # of what was written, it may be a step from one
             group.append(turn)
         if group:
-            self._write(group)
+            self._write(group, operand)
 
-    def _turn(self, angle: Expression) -> _Turn:
+    def _turn(self, angle: Expression, has: Callable[[Expression], bool]) -> _Turn:
         for known, step in (angle.operands, angle.operands[::-1]) if angle.op is Op.ADD else ():
-            if known in self._pairs and _short(step) and self._has(step):
+            if known in self._pairs and _short(step) and has(step):
                 return _Turn(angle, step, self._pairs[known])
         return _Turn(angle)
 
-    def _write(self, turns: Sequence[_Turn]) -> None:
+    def _write(self, turns: Sequence[_Turn], operand: Callable[[Any], str]) -> None:
         text, pairs = self._text, f"%sines{turns[0].angle.index}"
         text.reserve(pairs, 2 * len(turns))
         angles, steps = (
-            [self._operand(x.angle) for x in turns],
-            [self._operand(x.step) for x in turns if x.step is not None],
+            [operand(x.angle) for x in turns],
+            [operand(x.step) for x in turns if x.step is not None],
         )
         group = _Group(pairs, steps or angles, [x.known for x in turns if x.known is not None])
         several = text.lanes.count == 1 and len(turns) > 1
