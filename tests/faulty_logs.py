@@ -204,6 +204,7 @@ FAULTS: dict[str, tuple[Change, str]] = {
     ),
     "delay of 10 ms": (partial(late, samples=2), "the torques are (9|10|11)[.0-9]* ms later than the positions"),
     "delay of 30 ms": (partial(late, samples=6), "the torques are (29|30|31)[.0-9]* ms later than the positions"),
+    "delay of 250 ms": (partial(late, samples=50), "the torques are (24|25|26)0 ms later than the positions"),
     "clipped": (clipped, "the torque of joint '{two}' is clipped: [0-9]+ rows"),
     "frozen": (
         partial(put, what="torque", rows=slice(2000, 2200), value=first),

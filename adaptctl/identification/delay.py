@@ -26,7 +26,7 @@ FRICTION = SIMPLE_FRICTION.also((DriveParameter.SQUARE_ROOT, DriveParameter.STRI
 ERROR_RATIO = 1.3
 # Weight of the prior, share of peak speed below which a joint is masked, rounds of the search, its last step in s, and
 # the largest delay in periods of the band.
-PRIOR_WEIGHT, SLOW, ROUNDS, LAST_STEP, MOST_PERIODS = 1e-2, 0.05, 12, 1e-5, 0.25
+PRIOR_WEIGHT, SLOW, ROUNDS, LAST_STEP, MOST_PERIODS = 1e-2, 0.05, 12, 1e-5, 2.0
 
 
 class Delay(NamedTuple):
@@ -46,7 +46,8 @@ class Delay(NamedTuple):
     def words(self) -> str:
         """Delay in words."""
         way = "later" if self.value > 0.0 else "earlier"
-        return f"the torques are {1e3 * abs(self.value):.2g} ms {way} than the positions ({self.interval})"
+        size = float(f"{1e3 * abs(self.value):.2g}")
+        return f"the torques are {size:g} ms {way} than the positions ({self.interval})"
 
     @property
     def interval(self) -> str:
