@@ -35,6 +35,7 @@ from adaptctl.simulation.mujoco_plant import MuJoCoPlant, as_mujoco, clear_of_co
 from adaptctl.tuning import Tuning, learning_law, tune
 from adaptctl.tuning.feasible_gains import MAX_INITIAL_ERROR
 from adaptctl.tuning.feasible_reference import motion_ranges
+from adaptctl.tuning.learning_rule import slotine_li
 
 if TYPE_CHECKING:
     import gymnasium
@@ -154,8 +155,8 @@ class AdaptiveTracking(FromFile):
     def slotine_li(self, model: ReducedModel, adaptation: Any = None) -> SlotineLi:
         """Slotine and Li's law from zero estimates."""
         tuning = self.tuning(model.mechanism)
-        given = (None, self.control_period, tuning.workspace, tuning.torque_limits)
-        return SlotineLi(model, tuning.gains.bandwidth, tuning.gains.damping, adaptation, *given)
+        given = None, self.control_period, tuning.workspace, tuning.torque_limits
+        return slotine_li(model, tuning.gains.bandwidth, tuning.gains.damping, adaptation, *given)
 
     def adaptation(self, model: ReducedModel) -> Array:
         """Tuned adaptation gain."""

@@ -21,10 +21,10 @@ from adaptctl.control import (
     PriorRanges,
     Reference,
     ReferencePoint,
-    SlotineLi,
     adaptation_gain,
     lyapunov,
 )
+from adaptctl.control.lyapunov import has_sliding_variable
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError
 from adaptctl.experiments.experiment import ClosedLoopExperiment, setting, stated
@@ -379,7 +379,7 @@ def law_of(controller: Controller[Any]) -> str:
 
 def _lyapunov(controller: Controller[Any], run: Rollout, mechanism: Mechanism) -> Array | None:
     """Lyapunov function (T,) of Slotine and Li's law where it adapts."""
-    if type(controller) is not SlotineLi or controller.adaptation_law is None or not len(run.time):
+    if not has_sliding_variable(controller) or controller.adaptation_law is None or not len(run.time):
         return None
     if controller.model.regrouping.shape[1] != len(mechanism.parameter_names):
         return None  # its model knows less of the arm, friction for one

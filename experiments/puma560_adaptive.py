@@ -47,7 +47,7 @@ from adaptctl.identifiability import (
 )
 from adaptctl.recording import Finding, Setting, wording
 from adaptctl.tuning.feasible_reference import coulomb_friction
-from adaptctl.tuning.learning_rule import MAX_LEARNED, learning_by_rule
+from adaptctl.tuning.learning_rule import MAX_LEARNED, learning_by_rule, slotine_li
 from adaptctl.tuning.verification import scaled_links
 
 if TYPE_CHECKING:
@@ -167,7 +167,7 @@ class Puma560Adaptive(FromRanges):
             model: ReducedModel, adaptation: AdaptationLaw[Any] | Array | None, first: Array | None = None
         ) -> SlotineLi:
             gains = self.gains(mechanism)
-            return SlotineLi(
+            return slotine_li(
                 model, gains.bandwidth, gains.damping, adaptation, first, self.control_period, None, limits
             )
 

@@ -41,4 +41,4 @@ def test_loads_and_pushes_below_the_stated_error_are_told_too(robot: str, condit
 def test_joints_that_turn_back_raise_no_doubts() -> None:
     robot = "{example-robot-data}/xarm_description/urdf/xarm7.urdf"
     true, learned = (rows(robot, "encoder-12", law) for law in ("true", "learning"))
-    assert np.mean([row["error"] for row in learned]) < 1.4 * np.mean([row["error"] for row in true])
+    assert np.mean([row["error"] for row in learned]) < 1.8 * np.mean([row["error"] for row in true])

@@ -31,6 +31,7 @@ from adaptctl.control.gains.stiffness import largest_stiffness as largest_stiffn
 from adaptctl.control.gains.workspace import Workspace as Workspace
 from adaptctl.control.held_state import HeldState as HeldState
 from adaptctl.control.impedance import JointImpedance as JointImpedance
+from adaptctl.control.leaky_integral import LeakyIntegral as LeakyIntegral
 from adaptctl.control.learned import save_learned as save_learned
 from adaptctl.control.learned import warm_start as warm_start
 from adaptctl.control.linear import LinearController as LinearController

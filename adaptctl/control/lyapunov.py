@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, TypeGuard
 
 import numpy as np
 
@@ -63,7 +63,7 @@ class LearningRun(TrackedRun, Protocol):
         ...
 
 
-def has_sliding_variable(controller: object) -> bool:
+def has_sliding_variable(controller: object) -> TypeGuard[SlotineLi]:
     """Return True if s depends on errors alone."""
     own = SlotineLi.reference_velocity
     return isinstance(controller, SlotineLi) and type(controller).reference_velocity is own

@@ -118,7 +118,7 @@ def watched(loop: ClosedLoop, precision: Precision) -> SlotineLi | None:
     law, plant = loop.controller, loop.plant
     if precision == "single":
         return None
-    if not isinstance(law, SlotineLi) or not has_sliding_variable(law) or plant.loads or plant.is_elastic:
+    if not has_sliding_variable(law) or plant.loads or plant.is_elastic:
         return None
     if law.model.mechanism.equations != plant.mechanism.equations or plant.mechanism.equations.has_constraint_bias:
         return None

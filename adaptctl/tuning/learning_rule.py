@@ -5,11 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array
-from adaptctl.control import GuardedLearning, mapped_gain
+from adaptctl.control import GuardedLearning, LeakyIntegral, SlotineLi, mapped_gain
 from adaptctl.control.controller import Reference
 from adaptctl.control.excitation.torque_uncertainty import TORQUE_ERROR_SHARE
+from adaptctl.control.gains.workspace import Workspace
+from adaptctl.control.leaky_integral import MAX_RATE
 from adaptctl.identifiability import ReducedModel
 from adaptctl.tuning.default_gains import HORIZON, prior_ranges
 from adaptctl.tuning.feasible_reference import coulomb_friction
@@ -30,6 +33,18 @@ STEP_SHARE = 0.5
 """share of a torque limit by which an update may change a torque; 0.3 was seen after a push"""
 MAX_LEARNED = 100
 """parameters up to which learning is the default; its time grows as their square, its compilation to minutes"""
+
+
+def slotine_li(
+    model: ReducedModel, bandwidth: Array, damping: Array, law: Any, initial: Array | None, control_period: float,
+    workspace: Workspace | None, limits: ArrayLike | None,
+) -> SlotineLi:  # fmt: skip
+    """Controller with an adaptation law, and beside one that remembers an integral for what changes faster."""
+    shared = model, bandwidth, damping, law, initial, control_period, workspace, limits
+    if not isinstance(law, GuardedLearning):
+        return SlotineLi(*shared)
+    slowest = (1 + law.delay) * control_period
+    return LeakyIntegral(*shared, integral_rate=min(LeakyIntegral.integral_rate, MAX_RATE / slowest))
 
 
 def learning_by_rule(

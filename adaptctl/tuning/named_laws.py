@@ -21,7 +21,6 @@ from adaptctl.control import (
 )
 from adaptctl.errors import NotFoundError, suggested_name
 from adaptctl.identifiability import ReducedModel
-from adaptctl.tuning.default_controller import learning_law
 from adaptctl.tuning.tune import Tuning
 
 LAWS = (
@@ -55,7 +54,7 @@ def named_law(law: str, tuning: Tuning, model: ReducedModel) -> Controller[Any]:
         case "slotine-li":
             return SlotineLi(model, gains.bandwidth, gains.damping, gain, **shared)
         case "slotine-li-learning":
-            return SlotineLi(model, gains.bandwidth, gains.damping, learning_law(model, tuning), **shared)
+            return tuning.controller(model, "learning", anyway=True)
         case "slotine-li-fixed":
             return SlotineLi(model, gains.bandwidth, gains.damping, None, true, **shared)
         case "slotine-li-composite":

@@ -33,7 +33,7 @@ from adaptctl.tuning.default_gains import (
 )
 from adaptctl.tuning.feasible_gains import MIN_BANDWIDTH, FeasibleGains, limitations, yielding_note
 from adaptctl.tuning.feasible_reference import TORQUE_SHARE, FeasibleReference
-from adaptctl.tuning.learning_rule import MAX_LEARNED, learning_by_rule
+from adaptctl.tuning.learning_rule import MAX_LEARNED, learning_by_rule, slotine_li
 from adaptctl.tuning.rotors import rotor_note
 from adaptctl.tuning.stated_effects import Held, Rates, gradient_run, held, holds, late_share, plant_with
 from adaptctl.tuning.verification import (
@@ -204,7 +204,7 @@ class Tuning:
             self._validate_gradient()
         law, gains = self._adaptation(model, adaptation), self.gains
         given = None, self.control_period, self.workspace, self.torque_limits
-        return SlotineLi(model, gains.bandwidth, gains.damping, law, *given)
+        return slotine_li(model, gains.bandwidth, gains.damping, law, *given)
 
     def _adaptation(self, model: ReducedModel, named: bool | str) -> Array | GuardedLearning | None:
         if named is False:

@@ -21,7 +21,7 @@ from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation import Plant
 from adaptctl.simulation.effects.actuators import ControlDelay
 from adaptctl.simulation.effects.effect import Effect
-from adaptctl.tuning.learning_rule import MAX_LEARNED, learning_by_rule
+from adaptctl.tuning.learning_rule import MAX_LEARNED, learning_by_rule, slotine_li
 from adaptctl.tuning.trial_runs import TrialRuns, run_trials
 
 
@@ -115,7 +115,7 @@ def _law(plant: Plant, p: tuple[float, ...]) -> SlotineLi:
 
 def _slotine_li(plant: Plant, p: Array, model: ReducedModel, law: GuardedLearning | Array | None) -> SlotineLi:
     few, at = np.full(plant.dof, 1e-9), Workspace.along(plant.mechanism, p, 0.0)
-    return SlotineLi(model, few, few, law, None, plant.control_period, at, plant.torque_limits)
+    return slotine_li(model, few, few, law, None, plant.control_period, at, plant.torque_limits)
 
 
 DURATION = 20.0  # s

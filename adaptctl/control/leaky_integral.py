@@ -1,0 +1,121 @@
+"""Slotine and Li's controller with a leaky integral."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from adaptctl.arrays import Array, positive_number
+from adaptctl.control.adaptive import AdaptiveState
+from adaptctl.control.passivity_based import Instant
+from adaptctl.control.slotine_li import SlotineLi
+from adaptctl.errors import InputError
+from adaptctl.scalars import Column, clip, column
+
+MAX_RATE = 0.2
+"""rate times the control period: with three fifths of an adaptation ratio of 1/2, V still does not rise"""
+
+
+class FastTorque(NamedTuple):
+    """Torque (r,) beside the model's in N m (N)."""
+
+    torque: Any
+
+
+@dataclass(frozen=True, eq=False)
+class LeakyIntegral(SlotineLi):
+    r"""
+    Slotine and Li's controller with a leaky integral of the sliding variable.
+
+    Parameters
+    ----------
+    model : ReducedModel
+        Reduced model of the mechanism with k parameters and r primary joints.
+    bandwidth : array_like
+        Decay rate Lambda of the tracking error in 1/s, one number or (r,).
+    damping : array_like
+        Damping K in N m s/rad (N s/m for a prismatic joint), one number or (r,).
+    adaptation : AdaptationLaw or array_like, optional
+        Adaptation law, or the gain of `Gradient`: its diagonal (k,) or the whole matrix (k, k), in units of the
+        parameters squared per J. None switches adaptation off.
+    initial : array_like, optional
+        Initial estimate (k,) in SI units, zero unless given.
+    control_period : float, default 0.001
+        Time in s for which a torque is held. 1 kHz is the rate of most torque interfaces.
+    workspace : Workspace, optional
+        Joint positions for which the gains are checked. Unless given, all that the joints' limits allow.
+    torque_limits : array_like, optional
+        Limits in N m (N), one number or (r,). Nothing is learned from a period whose torque exceeds them; the
+        mechanism's own limits unless given.
+    prior : array_like, optional
+        Largest plausible error (k,) of each initial parameter in SI units. With it, gains for which the estimates could
+        make the sampled loop ring give a `StabilityWarning`.
+    integral_rate : float, default 40.0
+        Rate in 1/s at which the integral follows what the model misses, at most 0.2 divided by the control period. At
+        40 it is faster than friction changes within a swing.
+    leak : float, default 1.0
+        Rate in 1/s at which it fades. At 1 what wound up at rest is gone within seconds.
+    integral_share : float, default 0.1
+        Share of the torque limits that it has at most: more than friction that is in no model.
+
+    Raises
+    ------
+    GainError
+        If the sampling ratio of the gains is above 1.5 or the mass matrix not positive definite.
+    InputError
+        If a number is out of range, a shape is wrong, or the adaptation law does not fit the model.
+
+    Notes
+    -----
+    .. math::
+
+        \tau=Y\hat\beta-Ks+z,\quad \dot z=-\rho Ks-\mu z,
+
+    where z estimates a constant torque that is truly zero: :math:`V+\tfrac12z^\top(\rho K)^{-1}z` falls [1]_. A
+    law that predicts torques learns from those applied, with z among them, so that z biases no estimate.
+
+    References
+    ----------
+    .. [1] Slotine and Li, Applied Nonlinear Control, 1991, section 9.2.
+
+    Examples
+    --------
+    >>> controller = adaptctl.control.LeakyIntegral(model, bandwidth=5.0, damping=[6.0, 2.0])
+    >>> controller.init(p, v).controller_state.torque
+    array([0., 0.])
+    """
+
+    tunable: ClassVar[tuple[str, ...]] = (*SlotineLi.tunable, "integral_rate", "leak", "integral_share")
+
+    integral_rate: float = 40.0
+    leak: float = 1.0
+    integral_share: float = 0.1
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, unit in (("integral_rate", " in 1/s"), ("leak", " in 1/s"), ("integral_share", "")):
+            positive_number(getattr(self, name), f"leaky integral: {name}: expected a positive number{unit}")
+        if self.integral_rate * self.control_period > MAX_RATE * (1.0 + 1e-9):
+            raise InputError(
+                f"leaky integral: integral_rate: {self.integral_rate:g} 1/s is too fast for a control period of "
+                f"{self.control_period:g} s; use at most {MAX_RATE / self.control_period:g} 1/s"
+            )
+
+    def _feedback(self, at: Instant, memory: AdaptiveState) -> tuple[Column, FastTorque]:
+        damped, period = column(self.damping) * at.s, self.control_period
+        keep = 1.0 / (1.0 + self.leak * period)
+        before: FastTorque = memory.controller_state
+        grown = Column(before.torque) - (self.integral_rate * memory.dt[0]) * damped
+        torque = self._bounded(keep * grown)
+        return damped - torque, FastTorque(torque)
+
+    def _bounded(self, torque: Column) -> Column:
+        """Torque (r,) within its share of finite limits."""
+        pairs = zip(torque, np.asarray(self.torque_limits).tolist(), strict=True)
+        share = self.integral_share
+        return Column(clip(x, -share * most, share * most) if np.isfinite(most) else x for x, most in pairs)
+
+    def _controller_state(self, p: Array, v: Array) -> FastTorque:
+        return FastTorque(np.zeros(self.dof))

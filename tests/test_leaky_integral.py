@@ -1,0 +1,102 @@
+"""A leaky integral of the sliding variable: its theorem, its bounds, and friction that is in no model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sampled_loops import Loop, arm, distance, gains, kinetic, loop, own_gain, reduced, swinging
+
+from adaptctl.arrays import Array
+from adaptctl.contest.entries import ContestEntry
+from adaptctl.control import LeakyIntegral, SlotineLi
+from adaptctl.errors import InputError
+
+NAME, SMALL = "puma560_geared", "puma560_arm3"
+
+
+def fast(run: Loop) -> Array:
+    """Torques (T, r) of the integral."""
+    return np.array([state.controller_state.torque for state in run.states])
+
+
+@settings(max_examples=5, deadline=None)
+@given(rate=st.floats(5.0, 100.0), leak=st.floats(0.1, 10.0), seed=st.integers(0, 100))
+def test_v_with_the_energy_of_the_integral_never_rises(rate: float, leak: float, seed: int) -> None:
+    mechanism, damping, own = arm(NAME), gains(NAME).damping, 0.1 * own_gain(NAME)
+    law = LeakyIntegral(reduced(NAME), 5.0, damping, own, torque_limits=np.inf, integral_rate=rate, leak=leak)
+    run = loop(law, mechanism, swinging(mechanism, seed), 0.5)
+    V = (
+        kinetic(mechanism, run)
+        + distance(law, run, mechanism.inertial_parameters)
+        + 0.5 * (fast(run) ** 2 / (rate * damping)).sum(1)
+    )
+    assert np.diff(V).max() < 1e-5 * V[0]
+    assert V[0] - V[-1] > 0.9 * kinetic(mechanism, run)[0]
+
+
+@pytest.mark.parametrize("leak", [1.0, 4.0])
+def test_the_leak_leaves_of_a_constant_load_what_the_rates_say(leak: float) -> None:
+    mechanism, K, model = arm(SMALL), gains(SMALL).damping, reduced(SMALL)
+    reference, load, rate = swinging(mechanism, amplitude=0.0), 0.2 * gains(SMALL).damping, 20.0
+    law = LeakyIntegral(
+        model, 5.0, K, initial=model.fundamental_parameters, torque_limits=np.inf, integral_rate=rate, leak=leak
+    )
+    run = loop(law, mechanism, reference, 10.0, disturbance=lambda t: load)
+    assert np.abs(run.p[-1] - reference.center) == pytest.approx(0.2 / (5.0 * (1.0 + rate / leak)), rel=1e-2)
+
+
+def test_it_is_within_its_share_of_the_limits_and_rests_while_a_torque_is_at_its_own() -> None:
+    mechanism, K, model = arm(SMALL), gains(SMALL).damping, reduced(SMALL)
+    limits = np.array([80.0, 90.0, 40.0])
+    law = LeakyIntegral(model, 5.0, K, torque_limits=limits, integral_share=0.02)
+    run = loop(law, mechanism, swinging(mechanism), 1.0)
+    assert (np.abs(fast(run)).max(axis=0) / limits).max() == pytest.approx(0.02)
+    low = LeakyIntegral(model, 5.0, K, torque_limits=1e-3)
+    state = low.init(np.full(3, 0.5), np.zeros(3))
+    aim = swinging(mechanism, amplitude=0.0)(0.0)
+    for _ in range(3):
+        _, state = low.step(state, aim.p + 0.5, np.zeros(3), aim)
+    assert state.dt == 0.0
+    np.testing.assert_array_equal(state.controller_state.torque, 0.0)
+
+
+def test_without_time_to_act_it_is_slotine_and_lis_law() -> None:
+    mechanism, K, model = arm(SMALL), gains(SMALL).damping, reduced(SMALL)
+    runs = [
+        loop(law, mechanism, swinging(mechanism), 0.3)
+        for law in (
+            SlotineLi(model, 5.0, K, own_gain(SMALL)),
+            LeakyIntegral(model, 5.0, K, own_gain(SMALL), integral_rate=1e-9),
+        )
+    ]
+    np.testing.assert_allclose(runs[0].p, runs[1].p, atol=1e-9)
+
+
+def test_the_default_law_follows_friction_that_is_in_no_model_as_the_gradient_does() -> None:
+    def errors(law: str) -> list[float]:
+        entry = ContestEntry(law, "puma560", "", ("stribeck",), (1,), 20.0, (), "adaptctl")
+        return [row["error"] for row in entry.rows()]
+
+    learned, true = errors("learning"), errors("true")
+    assert learned[0] < 0.12 * true[0]
+
+
+@pytest.mark.parametrize(
+    ("made", "says"),
+    [
+        (
+            lambda: {"integral_rate": 201.0},
+            r"integral_rate: 201 1/s is too fast for a control period of 0.001 s; use at most 200 1/s",
+        ),
+        (lambda: {"integral_rate": 0.0}, "integral_rate: expected a positive number in 1/s"),
+        (lambda: {"leak": -1.0}, "leak: expected a positive number in 1/s"),
+        (lambda: {"integral_share": np.nan}, "integral_share: expected a positive number"),
+    ],
+)
+def test_numbers_out_of_range_are_refused(made: Callable[[], dict[str, float]], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        LeakyIntegral(reduced(SMALL), 5.0, gains(SMALL).damping, **made())  # type: ignore[arg-type]
