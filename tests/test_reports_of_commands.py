@@ -93,6 +93,7 @@ def test_the_report_of_a_drive_has_its_numbers_in_their_units() -> None:
     assert "STOPPED: a reason" in told
     assert f"touched at 2.00 s: {touch}" in told
     assert "first error 0 mrad" in told
+    assert (drive._thousandths(1e-12), drive._thousandths(1.1e-12)) == ("0", "1.1e-09")
     in_time = driven()
     in_time.times.busy = in_time.times.period
     assert "waited" not in drive._computing(in_time)

@@ -250,3 +250,16 @@ def test_a_retreat_of_what_is_clamped_begins_where_the_stop_ended() -> None:
     point = ahead.path(np.array([1.9, 2.0]))
     np.testing.assert_allclose(point.p, [[0.0, 0.3], [0.1, 0.2]], atol=1e-12)
     np.testing.assert_allclose(point.v, [[1.0, -1.0]] * 2)
+
+
+def test_a_joint_may_stand_at_an_end_that_is_a_turn_away() -> None:
+    """Of two turns: positions at both ends stay, and one beyond is taken near the middle."""
+    ends = np.full(2, 2.0 * np.pi)
+    wide = HardwareLimits([1.0, 1.0], [9.0, 9.0], -ends, ends, 1000.0)
+    for p in (-ends, ends):
+        found = Measurements(ARM.primary_joints, wide, PERIOD, REST).taken(reading(0.0, p))
+        assert found is not None
+        np.testing.assert_allclose(found.p, p)
+    beyond = Measurements(ARM.primary_joints, wide, PERIOD, REST).taken(reading(0.0, 1.6 * ends))
+    assert beyond is not None
+    np.testing.assert_allclose(beyond.p, -0.4 * ends)
