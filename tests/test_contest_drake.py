@@ -78,7 +78,7 @@ def test_drives_that_drake_has_not_are_refused(drive: Drive) -> None:
 
 
 def test_loops_are_refused() -> None:
-    arm = adaptctl.load(Path(__file__).parent / "golden" / "files" / "crank.toml")
+    arm = adaptctl.load(Path(__file__).parent / "golden" / "files" / "closed.toml")
     plant = DrakePlant(arm, PERIOD)
     with pytest.raises(InputError, match="the plant drake has no closed loops"):
         plant.step(plant.init(np.zeros(arm.dof), np.zeros(arm.dof)), np.zeros(arm.dof))
