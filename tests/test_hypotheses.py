@@ -117,6 +117,14 @@ def test_a_right_log_is_left_alone(case: Known) -> None:
     assert "joint1" not in verdict.alike.outcome
 
 
+@pytest.mark.parametrize("unit", ["deg", "rev"])
+def test_a_joint_in_a_unit_of_its_own_is_named(case: Known, unit: str) -> None:
+    factor = np.where(np.arange(3) == 1, POSITION[unit], 1.0)
+    verdict = judged(case, replace(case.log, position=case.log.position / factor))
+    assert f"column 'p.joint1' is in {unit}, not rad" in (verdict.sentence or "")
+    assert verdict.refuses
+
+
 def test_angles_and_torques_of_another_unit_are_named(case: Known) -> None:
     def stated(**units: float) -> Known:
         return replace(case, drives=replace(case.drives, units=replace(case.drives.units, **units)))

@@ -27,6 +27,8 @@ GRAVITY, TILT_ROUNDS = 9.81, 6
 # zero, that are no refusal; quarter turns.
 ZERO_ROUNDS, ZERO_STEP, SMALL_ANGLE, SMALL_SHIFT = 3, 1e-3, 0.2, 0.1
 QUARTERS = (0.5 * np.pi, np.pi, -0.5 * np.pi)
+# Numbers between which joints usually move in a unit.
+USUAL_WAYS = {"rad": (0.2, 12.0), "deg": (12.0, 700.0), "rev": (0.03, 1.0)}
 SPRING, COUNTERBALANCE, DELAY = "a spring", "a counterbalance", "delay of the torques"
 
 
@@ -96,7 +98,7 @@ class _Motion:
 
 
 def _units(rows: HypothesisRows) -> Iterator[Hypothesis]:
-    """Angles in rad that were stated in deg, and in deg stated in rad."""
+    """Angles in rad that were stated in deg, and in deg stated in rad; and those of one joint in a unit of its own."""
     turns = np.array([joint.kind.is_revolute for joint in rows.evidence.mechanism.primary_joints])
     others = {POSITION["deg"]: ("rad", "deg"), POSITION["rad"]: ("deg", "rad")}
     stated_units = set(rows.evidence.drives.position_factors[turns].tolist())
@@ -106,6 +108,22 @@ def _units(rows: HypothesisRows) -> Iterator[Hypothesis]:
         meant_motion = _Motion(rows, np.diag(np.where(turns, POSITION[meant] / own, 1.0))).with_torques
         words, remedy = f"positions are in {meant}, not {stated}", f"give position={meant} as their unit"
         yield Hypothesis("unit of positions", words, remedy, partial(meant_motion, np.eye(len(turns))))
+    for j in np.flatnonzero(turns).tolist():
+        yield from _own_unit(rows, j)
+
+
+def _own_unit(rows: HypothesisRows, j: int) -> Iterator[Hypothesis]:
+    """Units of a motor's positions in whose numbers joints move usual ways."""
+    motor, one = rows.evidence.drives.motors[j], np.eye(rows.evidence.mechanism.dof)
+    own = float(rows.evidence.drives.position_factors[j])
+    way = float(np.ptp(rows.position[:, j])) / own
+    stated = next((unit for unit, factor in POSITION.items() if factor == own), "as stated")
+    for meant, (least, most) in USUAL_WAYS.items():
+        if least < way < most and POSITION[meant] != own:
+            scaled = _Motion(rows, np.diag(np.where(one[j] > 0.0, POSITION[meant] / own, 1.0))).with_torques
+            words = f"column {motor.position!r} is in {meant}, not {stated}"
+            remedy = "give each joint's unit: position=rad,deg,..."
+            yield Hypothesis("unit of a joint's positions", words, remedy, partial(scaled, one))
 
 
 def _signs(rows: HypothesisRows) -> Iterator[Hypothesis]:

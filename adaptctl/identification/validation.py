@@ -227,9 +227,11 @@ def validate_plausible(
                 "gear ratio, torque column and position column"
             )
     if left > MAX_UNEXPLAINED_SHARE:
+        motor = evidence.drives.motors[int(np.argmax(equations.misfit(x)))]
         raise InputError(
             f"{source}: the equations of {evidence.mechanism.name} do not explain {left:.0%} of the torques; "
-            "check that the log is this robot's, columns, transmission and units; with noisy encoders, add "
+            f"check that the log is this robot's, transmission, units and columns, such as {motor.position!r} and "
+            f"{motor.torque!r}, of which most is left, and that positions are no velocities; with noisy encoders, add "
             "--instrumental-variables"
         )
 
