@@ -16,15 +16,16 @@ import pytest
 from contest_rows import ARM, ROWS, entry, rows_of, written
 
 from adaptctl.cli import contest as command
-from adaptctl.contest import foreign_runs, report, running, step_times
+from adaptctl.contest import foreign_runs, page, report, running, step_times
 from adaptctl.contest.conditions import CONDITIONS, Push
 from adaptctl.contest.contest_file import Contest
 from adaptctl.contest.entries import ContestEntry
+from adaptctl.contest.own_law import own_entrant
 from adaptctl.contest.ranking import Ranking
 from adaptctl.contest.running import ContestFolder
 from adaptctl.contest.scene import robot_path, scene_of
 from adaptctl.control.controller import ReferencePoint
-from adaptctl.errors import InputError, MissingExtraError, NotFoundError
+from adaptctl.errors import FileError, InputError, MissingExtraError, NotFoundError
 from adaptctl.scalars import Column
 from adaptctl.simulation.plant import Plant
 from adaptctl.sweeps.cluster import MAX_ATTEMPTS, Cluster
@@ -291,3 +292,23 @@ def test_warnings_of_a_law_fail_neither_its_times_nor_its_rows(monkeypatch: pyte
     monkeypatch.setattr(ContestEntry, "_under", lambda *of: [warned()])
     with warnings.catch_warnings():
         assert len(entry("true", "clean", "noise").rows()) == 2
+
+
+def test_a_file_that_is_no_python_has_no_law(tmp_path: Path) -> None:
+    (tmp_path / "own.txt").write_text("class Law:\n    pass\n")
+    with pytest.raises(FileError, match=r"own.txt: cannot be imported as Python"):
+        own_entrant(f"{tmp_path / 'own.txt'}:Law")
+
+
+def test_cells_of_numbers_have_what_they_are_sorted_by_and_only_the_last_is_words() -> None:
+    row = Ranking([{**row, "curve": [1.0]} for row in rows_of(ROWS)]).table()[2]
+    found = page._cells(row)
+    assert [cell.words for cell in found] == [False] * (len(found) - 1) + [True]
+    assert [found[k].value for k in (0, 1, 7, -4)] == [row["rank"], row["error"], row["failed"], row["operations"]]
+    assert found[2].note == f"[{page.short(row['over_true_low'])}, {page.short(row['over_true_high'])}]"
+    assert (page.short(np.nan), page.short(np.inf), page.short(1234.5), page.short(-0.12345)) == (
+        "–",
+        "∞",
+        "1,230",
+        "-0.123",
+    )
