@@ -89,8 +89,9 @@ def compared_hypotheses(
     rows = HypothesisRows.of(evidence, others, springs)
     as_is = rows.mixed(np.eye(evidence.mechanism.dof))
     deviations = rows.least(as_is)[1]
-    error = relative_error(as_is, rows.consistent(as_is, deviations))
-    found, best = _tried(rows, delay, error)
+    x = rows.consistent(as_is, deviations)
+    error = relative_error(as_is, x)
+    found, best = _tried(rows, delay, error, x)
     tried = [TriedHypothesis(AS_IS, "the log is as its columns, units and the robot file say", error)]
     tried.extend(own.trial._replace(named=i == best) for i, own in enumerate(found))
     alike = _alike([own for own in found if own.hypothesis.refuses], error)
@@ -130,9 +131,9 @@ class _Trial:
         """True if the consistent estimate has at most an error, and is what the hypothesis says."""
         return not self.trial.is_bound and self.trial.error <= most and self.hypothesis.holds(self.x)
 
-    def consistent(self, rows: HypothesisRows) -> _Trial:
-        """Trial by the consistent estimate."""
-        x = rows.consistent(self.equations, self.deviations)
+    def consistent(self, rows: HypothesisRows, start: Array) -> _Trial:
+        """Trial by the consistent estimate, searched from that of the log as it is."""
+        x = rows.consistent(self.equations, self.deviations, start)
         error, words = relative_error(self.equations, x), self.trial.words + self.hypothesis.told(x)
         return replace(self, x=x, trial=TriedHypothesis(self.trial.kind, words, error))
 
@@ -157,7 +158,7 @@ def _or_else(found: Sequence[_Trial], best: _Trial) -> str:
     return "".join(kinds.values())
 
 
-def _tried(rows: HypothesisRows, delay: Delay, error: float) -> tuple[list[_Trial], int | None]:
+def _tried(rows: HypothesisRows, delay: Delay, error: float, x_as_is: Array) -> tuple[list[_Trial], int | None]:
     """Hypotheses as tried, and the index of the best one that takes a third of the error off."""
     found, most = [], error
     for own in listed_hypotheses(rows, delay):
@@ -171,7 +172,7 @@ def _tried(rows: HypothesisRows, delay: Delay, error: float) -> tuple[list[_Tria
     for i in np.argsort(alike, kind="stable")[:MAX_CONTENDERS].tolist():
         if found[i].trial.error > ALIKE * most:
             break
-        found[i] = found[i].consistent(rows)
+        found[i] = found[i].consistent(rows, x_as_is)
         if found[i].fits(min(most, error / _margin(found[i].hypothesis, rows.evidence.mechanism.dof))):
             best, most = i, found[i].trial.error
     return found, best

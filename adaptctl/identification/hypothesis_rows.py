@@ -193,14 +193,15 @@ class HypothesisRows:
     def _independent(self) -> NDArray[np.int64]:
         return self.evidence.independent(self.settings)
 
-    def consistent(self, equations: NormalEquations, deviations: Array) -> Array:
-        """Consistent parameters (P,), the joints weighted by their deviations (r,)."""
+    def consistent(self, equations: NormalEquations, deviations: Array, start: Array | None = None) -> Array:
+        """Consistent parameters (P,), the joints weighted by their deviations (r,), searched from a start."""
         mask, evidence = np.ones(equations.moment.shape[-1]), self.evidence
         own = self.settings.columns(evidence.mechanism)
         mask[: len(own)] = own
         A, b = equations.whitened(deviations)
         prior = evidence.prior_of(self.settings)
-        return consistent_estimate(A * np.outer(mask, mask), b * mask, prior, PRIOR_WEIGHT)
+        begun = None if start is None else np.append(start, np.zeros(len(b) - len(start)))
+        return consistent_estimate(A * np.outer(mask, mask), b * mask, prior, PRIOR_WEIGHT, begun)
 
     @cached_property
     def _slopes(self) -> tuple[Array, Array, NDArray[np.bool_]]:
