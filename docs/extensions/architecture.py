@@ -1,7 +1,6 @@
 """The picture of the folders and of what imports what: `make architecture` writes it anew, `-` shows it."""
 
 import ast
-import sys
 from collections import defaultdict
 from html import escape
 from pathlib import Path
@@ -87,7 +86,4 @@ def picture() -> str:
 
 
 if __name__ == "__main__":
-    if sys.argv[1:] == ["-"]:
-        sys.stdout.write(picture())
-    else:
-        PICTURE.write_text(picture(), encoding="utf-8")
+    PICTURE.write_text(picture(), encoding="utf-8")
