@@ -356,3 +356,26 @@ def test_the_doctor_tells_what_is_there_missing_and_wrong() -> None:
     lines = [" ".join(line.split()) for line in doctor._lines(wrong)]
     assert {"compiler no compiler", "cache off: 3 objects, 1.5 MB", "viewer /v"} < set(lines)
     assert lines[-2:] == ["wrong: a", "wrong: b"]
+
+
+@pytest.mark.parametrize(("json_asked", "written"), [(True, False), (True, True), (False, True), (False, False)])
+def test_a_design_is_printed_and_written_as_it_is_asked_for(
+    json_asked: bool, written: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from adaptctl import design as library
+    from adaptctl.cli import design as command
+    from adaptctl.design import report
+
+    done: list[Any] = []
+    monkeypatch.setattr(library.DesignTask, "within_limits", lambda arm, samples, seed, speed: "task")
+    monkeypatch.setattr(library, "design_study", lambda task, added, **given: (task, added, given["percent"]))
+    monkeypatch.setattr(report, "as_builtins", lambda study, detail, runs: {"study": list(study), "runs": len(runs)})
+    monkeypatch.setattr(report, "report", lambda study, detail, runs: SimpleNamespace(sections="sections"))
+    monkeypatch.setattr(report, "write_study", lambda folder, *of: done.append(of[2]))
+    monkeypatch.setattr(command, "print_sections", done.append)
+    words = ["design", "two_link", *(["--json"] * json_asked), *(["--out", str(tmp_path / "out")] * written)]
+    assert main(words) == 0
+    content = {"study": ["task", 1.0, 1.0], "runs": 0}
+    assert done == [content] * written + ["sections"] * (not json_asked)
+    out = capsys.readouterr().out
+    assert (json.loads(out) if json_asked else out) == (content if json_asked else "")
