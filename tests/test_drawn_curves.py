@@ -12,6 +12,7 @@ from adaptctl.arrays import Array
 from adaptctl.dynamics import load
 from adaptctl.recording import Comparison
 from adaptctl.recording.contact_force import contact_forces, contact_points
+from adaptctl.recording.drawing import thinned
 from adaptctl.recording.figures import drawings
 from adaptctl.recording.touches import touches
 from adaptctl.simulation.mujoco_plant import TOUCH_FLAGS
@@ -106,3 +107,10 @@ def test_touches_are_told_apart_by_a_second_without_one(shown: Comparison) -> No
         (rollout.time[1160], rollout.time[1169], names[1], -4.0),
     ]
     assert touches(replace(felt, law="SlotineLi + Gradient"), names) == []
+
+
+@pytest.mark.parametrize(("samples", "every"), [(1, 1), (30, 1), (31, 2), (60, 2), (61, 3), (90, 3)])
+def test_a_curve_is_thinned_by_the_least_that_fits(samples: int, every: int) -> None:
+    shown = np.arange(samples)[thinned(samples, 30)]
+    assert shown.tolist() == list(range(0, samples, every))
+    assert len(shown) <= 30
