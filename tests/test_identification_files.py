@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 from contextlib import redirect_stdout
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 from xml.etree import ElementTree
 
+import mujoco
 import numpy as np
+import pinocchio
 import pyarrow.parquet as pq
 import pytest
 from nightly import nightly
@@ -19,13 +22,15 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 from synthetic_logs import joint_drives, motion
 
+from adaptctl.arrays import Array
 from adaptctl.cli.main import main
 from adaptctl.description import JointKind, Limits
-from adaptctl.description.drive import Drive
+from adaptctl.description.drive import Drive, DriveParameter
 from adaptctl.description.readers.registry import builtin_names
 from adaptctl.description.writers.mechanism_file import write_mechanism
 from adaptctl.description.writers.robot_file import with_inertials, write_urdf
 from adaptctl.dynamics import Mechanism, load
+from adaptctl.dynamics.recursion.drive import friction
 from adaptctl.errors import FileError
 from adaptctl.experiments.identify_then_adapt import IdentifyThenAdapt
 from adaptctl.files import hashed
@@ -141,6 +146,40 @@ def test_the_headline_is_of_the_written_file(folder: Path) -> None:
     assert summary["files"]["robot.toml"]["cannot_hold"] == []
     assert len(summary["files"]["robot.urdf"]["cannot_hold"]) == 6
     assert set(summary["verdict"]) == set(joints)
+
+
+def slid(v: Array) -> Array:
+    """Signs of velocities, as smooth at rest as those of drives."""
+    return np.asarray(friction(DriveParameter.COULOMB, v))
+
+
+def by_pinocchio(path: Path, p: Array, v: Array, a: Array) -> Array:
+    """Torques (n, r) of a URDF file, friction included."""
+    model = pinocchio.buildModelFromUrdf(str(path))
+    data = model.createData()
+    inner = np.stack([pinocchio.rnea(model, data, *row) for row in zip(p, v, a, strict=True)])
+    return np.asarray(inner + model.damping * v + model.upperDryFrictionLimit * slid(v))
+
+
+def by_mujoco(path: Path, p: Array, v: Array, a: Array) -> Array:
+    """Torques (n, r) of an MJCF file, friction included."""
+    model = mujoco.MjModel.from_xml_path(str(path))
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    data, found = mujoco.MjData(model), []
+    for data.qpos[:], data.qvel[:], data.qacc[:] in zip(p, v, a, strict=True):
+        mujoco.mj_inverse(model, data)
+        found.append(data.qfrc_inverse.copy())
+    return np.asarray(np.stack(found) + model.dof_frictionloss * slid(v))
+
+
+@pytest.mark.parametrize(("name", "torques"), [("robot.urdf", by_pinocchio), ("robot.xml", by_mujoco)])
+def test_other_readers_predict_as_the_written_file_is_judged(
+    folder: Path, name: str, torques: Callable[[Path, Array, Array, Array], Array]
+) -> None:
+    robot = load(folder / name)
+    p, v, a = np.random.default_rng(0).normal(size=(3, 20, robot.dof))
+    assert robot.parameter_names[-1].endswith(".coulomb")
+    np.testing.assert_allclose(torques(folder / name, p, v, a), robot.inverse_dynamics(p, v, a), rtol=1e-6, atol=1e-6)
 
 
 def test_the_report_needs_nothing_else_and_the_recording_is_there(folder: Path) -> None:
