@@ -76,6 +76,8 @@ ALIKE = {
     ),
     "adaptctl/dynamics/loops/continuation.py::Continuation.follow 0 -> 1": "of no configuration a step changes nothing",
     "adaptctl/simulation/run.py::Rollout._figure 1 -> 2 (again 5)": "lines of a joint have its color in each panel",
+    "adaptctl/logs/text.py::_kind pa.types.is_string(kind) or pa.types.is_time(kind) -> "
+    "pa.types.is_string(kind) and pa.types.is_time(kind)": "columns without numbers are read once more in any case",
     "adaptctl/contest/trial.py::_torques 0.1 -> 0.2 (again 1)": "any measurements tell if a law uses the links",
     "adaptctl/contest/trial.py::<module> 3 -> 4": "as above: four steps tell what three do",
     "adaptctl/compilation/batch.py::batch MIN_STREAMED_BYTES // 8 -> MIN_STREAMED_BYTES * 8": (
