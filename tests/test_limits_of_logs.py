@@ -15,7 +15,7 @@ import pytest
 
 from adaptctl.arrays import MAX_SETTING
 from adaptctl.errors import FileError, NotFoundError
-from adaptctl.logs import isolated, lerobot, ros_bag, text, units
+from adaptctl.logs import isolated, lerobot, parquet, rerun_recording, ros_bag, text, units
 from adaptctl.logs.table import LogTable, table, validate_size
 from adaptctl.logs.text import read_delimited
 from adaptctl.logs.text_form import form_of
@@ -276,3 +276,19 @@ def test_a_turn_is_360_degrees_and_a_minute_60_seconds() -> None:
     assert units.VELOCITY["mm/s"] == units.POSITION["mm"]
     ones = ((units.TIME, "s"), (units.POSITION, "rad"), (units.POSITION, "m"), (units.VELOCITY, "rad/s"))
     assert [factors[name] for factors, name in (*ones, (units.TORQUE, "N"), (units.VELOCITY, "m/s"))] == [1.0] * 6
+
+
+@pytest.mark.parametrize(
+    ("read", "name", "told"),
+    [
+        (rerun_recording.read_rrd, "log.rrd", "cannot be read as a recording of rerun"),
+        (ros_bag.read_ros_bag, "log.bag", "cannot be read as a ROS bag"),
+        (parquet.read_parquet, "log.parquet", "not a Parquet file"),
+    ],
+)
+def test_a_damaged_file_is_told_in_a_line_with_its_name(read: Any, name: str, told: str, tmp_path: Path) -> None:
+    path = written(tmp_path, "nothing of the kind", name)
+    with pytest.raises(FileError) as refused:
+        read(path)
+    assert str(refused.value).startswith(f"{path}: {told} (")
+    assert len(str(refused.value).splitlines()) == 1
