@@ -268,6 +268,10 @@ def test_topics_in_rows_of_their_own_are_joined_by_straight_lines(tmp_path: Path
             "column 'time' is in s; leave out another unit of time",
         ),
         (
+            lines([[*row[:6], ""] for row in ROWS], ["time", *HEAD]), {},
+            "column 'effort.j1' has 0 numbers, and empty cells else; give another column, or a log that has it",
+        ),
+        (
             lines([r for row in CELLS for r in (row, [""] * 6)], HEAD), {"rate": 100.0},
             "400 rows have empty cells, so that rows are not evenly spaced in time",
         ),

@@ -62,7 +62,8 @@ def _bridged(log: LogTable, empty: dict[str, NDArray[np.bool_]], time: str) -> L
     columns, kept = dict(log.columns), ~base
     for name, mask in empty.items():
         if (~mask).sum() < MIN_ROWS:
-            raise FileError(f"{log.source}: column {name!r} has {int((~mask).sum())} numbers, and empty cells else")
+            count = f"{int((~mask).sum())} numbers, and empty cells else"
+            raise FileError(f"{log.source}: column {name!r} has {count}; give another column, or a log that has it")
         columns[name], near = _lines(stamps, log.columns[name], ~mask)
         kept &= near
     filled = int(sum((mask & kept).sum() for mask in empty.values()))
