@@ -73,6 +73,8 @@ def test_torques_and_estimates_are_those_of_the_run(shown: Comparison) -> None:
         axes = drawings(shown)["torque"].draw().axes[j]
         np.testing.assert_allclose(axes.lines[0].get_ydata(), run.applied[:, j])
         np.testing.assert_allclose(axes.get_ylim(), [-1.25 * limit, 1.25 * limit])
+        beyond = [np.add(part.get_y(), [0.0, part.get_height()]) for part in axes.patches]
+        np.testing.assert_allclose(beyond, [[limit, 1.25 * limit], [-1.25 * limit, -limit]])
         peak = 100.0 * np.abs(run.applied[:, j]).max() / limit
         assert axes.texts[0].get_text() == f"peak {peak:.0f} %"
     largest = int(np.argmax(np.abs(shown.true_parameters)))

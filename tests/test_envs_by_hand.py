@@ -14,6 +14,7 @@ from adaptctl.arrays import Array
 from adaptctl.envs.contact import beside, of_three_joints, surface_box, tool_path
 from adaptctl.envs.controlled import _share
 from adaptctl.envs.gain_tuning import GainRange
+from adaptctl.envs.learning import NormalisedView
 from adaptctl.envs.live import LiveView
 from adaptctl.envs.rendering import _floor_height, _grid, _pedestals
 from adaptctl.errors import GainError, InputError, NotFoundError
@@ -160,3 +161,12 @@ def test_the_floor_is_at_zero_below_a_base_that_is_raised_and_else_lower() -> No
 def test_lines_of_the_floor_pass_through_the_origin_and_are_thin() -> None:
     across = np.array([[0.0, 0.0], [1.0, 1.0], [0.0, 0.5], [0.49, 0.5], [0.5, 0.5], [0.5, -0.0119], [0.0121, 0.5]])
     assert _grid(2.0 * across, 2.0).tolist() == [1.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0]
+
+
+def test_observations_and_actions_of_learners_are_from_minus_one_to_one() -> None:
+    seen = NormalisedView({}, np.zeros(2), np.ones(7)).space
+    law = adaptctl.SlotineLi(adaptctl.ReducedModel(adaptctl.load("two_link")), 5.0, [6.0, 2.0])
+    moved = GainRange(law, ("damping",), 0.5, 2.0).space
+    for space, shape in ((seen, (7,)), (moved, (2,))):
+        assert (space.shape, space.dtype) == (shape, np.float32)
+        assert (set(space.low), set(space.high)) == ({-1.0}, {1.0})
