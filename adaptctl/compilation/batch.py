@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import ctypes
+import hashlib
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import cache
 
 from adaptctl.compilation.lanes import CACHE_LINE, Lanes
+from adaptctl.compilation.llvm import program
+from adaptctl.compilation.native import NativeCode, Processor, load, load_shared
 from adaptctl.compilation.routine import Routine
 
 ENTRY = "batch"
@@ -19,8 +23,43 @@ NativeBatch = ctypes.CFUNCTYPE(ctypes.c_bool, ctypes.c_int64, ctypes.c_void_p, c
 each, and addresses of the results' rows."""
 
 
-def batch(routine: Routine, symbol: str, lanes: Lanes, checked: Mapping[str, bool]) -> str:
-    """LLVM IR of `batch`, which evaluates a routine at many samples."""
+def compiled_batch(
+    routine: Routine, processor: Processor, checked: Mapping[str, bool]
+) -> tuple[tuple[NativeCode, ...], Callable[..., bool]]:
+    """Code that evaluates a routine at many samples, and its entry."""
+    lanes = Lanes(processor.lanes)
+    (text, symbol, pieces, _), (rows, tag) = program(routine, lanes), _rows_apart(lanes, repr(processor))
+    shared = load_shared(rows, [f"{name}{tag}" for name in _ROWS], processor)
+    code = load(f"{text}\n{batch(routine, symbol, lanes, checked, tag)}", processor, pieces)
+    return (code, shared), NativeBatch(code.address(ENTRY))
+
+
+_ROWS = {
+    "gather": "declare void @gather{}(ptr, ptr, i64, i64, i64, i64)",
+    "scatter": "declare void @scatter{}(ptr, ptr, i64, i64, i64, i64, i1)",
+    "finite": "declare i1 @finite{}(ptr, i64)",
+}
+"""Functions that all routines share in a module of their own."""
+
+
+@cache
+def _rows_apart(lanes: Lanes, target: str) -> tuple[str, str]:
+    """LLVM IR of the shared functions, and what ends their names, which tells their content and the `target`."""
+    gathered = f"%gathered{lanes.count - 1}" if lanes.count > 1 else "%x0"
+    pieces = {name: "\n  ".join(lines) for name, lines in (_rows(lanes) | _square(lanes)).items()}
+    text = f"{lanes.filled('rows', gathered=gathered, **pieces)}\n{lanes.filled('finite')}"
+    tag = f".{hashlib.sha256((target + text).encode()).hexdigest()[:32]}"
+    return _tagged(text.replace("define internal i1 @finite", "define i1 @finite"), tag), tag
+
+
+def _tagged(text: str, tag: str) -> str:
+    for name in _ROWS:
+        text = text.replace(f"@{name}(", f"@{name}{tag}(")
+    return text
+
+
+def batch(routine: Routine, symbol: str, lanes: Lanes, checked: Mapping[str, bool], tag: str) -> str:
+    """LLVM IR of `batch`, which evaluates a routine at many samples with the shared functions of a `tag`."""
     inputs = {f"in{k}": n for k, n in enumerate(routine.inputs)}
     outputs = {f"out{k}": math.prod(shape) for k, shape in enumerate(routine.layout.shapes)}
     both = inputs | outputs
@@ -44,15 +83,12 @@ def batch(routine: Routine, symbol: str, lanes: Lanes, checked: Mapping[str, boo
         "check": _check(
             {k: n for k, n in inputs.items() if checked["inputs"]} | (outputs if checked["outputs"] else {}), lanes
         ),
-        **_rows(lanes),
-        **_square(lanes),
     }
     texts = {name: "\n  ".join(lines) for name, lines in pieces.items()}
     pointers = ", ".join(f"ptr %{name}" for name in both)
-    gathered = f"%gathered{lanes.count - 1}" if lanes.count > 1 else "%x0"
     sizes = {"many": MIN_STREAMED_BYTES // 8, "beyond": CACHE_LINE - 1}
-    text = lanes.filled("batch", routine=symbol, pointers=pointers, gathered=gathered, **sizes, **texts)
-    return f"{text}\n{lanes.filled('finite')}"
+    text = lanes.filled("batch", routine=symbol, pointers=pointers, **sizes, **texts)
+    return "\n".join([_tagged(text, tag), *(declared.format(tag) for declared in _ROWS.values())])
 
 
 def _entry(name: str, kind: str, table: str, k: int) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import validate_plain, writable
-from adaptctl.compilation.batch import ENTRY, MIN_STREAMED_BYTES, NativeBatch, batch
+from adaptctl.compilation.batch import MIN_STREAMED_BYTES, compiled_batch
 from adaptctl.compilation.builtin import Finite, Form, builtin, builtin_source, has_builtins
 from adaptctl.compilation.lanes import Lanes, aligned
 from adaptctl.compilation.llvm import program
@@ -129,7 +129,7 @@ class Kernel:
         self.arguments, self.outputs = MappingProxyType(dict(arguments)), routine.layout.shapes
         self._given = Given(self.name, self.arguments)
         self._single: Any = None
-        self._many: tuple[NativeCode, Any] | None = None
+        self._many: tuple[tuple[NativeCode, ...], Callable[..., bool]] | None = None
         self._called: Callable[..., Any] | None = None
         self.__call__ = lambda *arguments: self.call(*arguments)
 
@@ -282,12 +282,8 @@ class Kernel:
     def _batch(self) -> Callable[..., bool]:
         """Code for many samples."""
         if self._many is None:
-            processor, routine = Processor.host(), self._routine()
-            lanes = Lanes(processor.lanes)
-            text, symbol, pieces, _ = program(routine, lanes)
             checked = {"inputs": self._finite is True, "outputs": bool(self._finite)}
-            code = load(f"{text}\n{batch(routine, symbol, lanes, checked)}", processor, pieces)
-            self._many = code, NativeBatch(code.address(ENTRY))
+            self._many = compiled_batch(self._routine(), Processor.host(), checked)
         return self._many[1]
 
     def _blame(self, arrays: Sequence[Array], results: Sequence[Array]) -> NoReturn:

@@ -7,7 +7,7 @@ import hashlib
 import os
 import threading
 import weakref
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import llvmlite
@@ -121,13 +121,13 @@ def load(text: str, processor: Processor | None = None, pieces: str = "") -> Nat
 _modules: weakref.WeakValueDictionary[str, NativeCode] = weakref.WeakValueDictionary()
 
 
-def load_shared(text: str, symbol: str, processor: Processor) -> NativeCode:
-    """Code of a module that others call by a symbol, loaded once; they must keep it."""
+def load_shared(text: str, symbols: Sequence[str], processor: Processor) -> NativeCode:
+    """Code of a module that others call by its symbols, loaded once; they must keep it."""
     with _compiler():
-        code = _modules.get(symbol)
+        code = _modules.get(symbols[0])
         if code is None:
-            code = _modules[symbol] = load(text, processor)
-            define({symbol: code.address(symbol)})
+            code = _modules[symbols[0]] = load(text, processor)
+            define({symbol: code.address(symbol) for symbol in symbols})
         return code
 
 

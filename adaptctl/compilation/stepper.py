@@ -297,7 +297,7 @@ class Stepper:
 def _shared(routine: Routine, lanes: Lanes, processor: Processor) -> tuple[list[NativeCode], dict[Routine, str]]:
     """Code that a routine shares with others, and its functions' names."""
     modules = {r: module_of(r, lanes, repr(processor)) for r in worth_a_module(routine)}
-    codes = [load_shared(text, symbol, processor) for text, symbol in modules.values()]
+    codes = [load_shared(text, [symbol], processor) for text, symbol in modules.values()]
     return codes, {r: symbol for r, (_, symbol) in modules.items()}
 
 
