@@ -28,7 +28,8 @@ from adaptctl.control import (
     sampling_ratio,
     typical_inertia,
 )
-from adaptctl.control.gains.sampling_ratio import MAX_SAMPLING_RATIO
+from adaptctl.control.gains.gain_design import largest_with_delay
+from adaptctl.control.gains.sampling_ratio import stable_below
 from adaptctl.control.gains.workspace import Workspace, everywhere
 from adaptctl.control.ringing import Ringing, correlation
 from adaptctl.description import Description, Joint, JointKind, Link, Pose
@@ -39,6 +40,7 @@ from adaptctl.errors import InputError, RankError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column
 from adaptctl.simulation import SemiImplicitEuler, simulate_many
+from adaptctl.simulation.effects import ControlDelay
 from adaptctl.tuning import tune
 
 PERIOD = 1e-3
@@ -110,15 +112,17 @@ class LoopDraws:
     before: Array
     """adaptation gains of the law there was before"""
     certified: Array
-    """h + H < 2"""
+    """h + H < 2, or what a delay leaves of it"""
     references: list[adaptctl.Sinusoids]
     parameters: Array
+    delay: int = 0
+    """control periods"""
 
     def first(self, count: int) -> LoopDraws:
         """The first so many of them."""
         settings = LoopSettings(*(values[:count] for values in self.settings))
         rest = self.before[:count], self.certified[:count], self.references[:count], self.parameters[:count]
-        return LoopDraws(settings, *rest)
+        return LoopDraws(settings, *rest, self.delay)
 
 
 class Accepted(NamedTuple):
@@ -130,18 +134,19 @@ class Accepted(NamedTuple):
     workspace: Workspace
 
 
-def drawn(model: ReducedModel, rng: np.random.Generator, count: int) -> LoopDraws | None:
+def drawn(model: ReducedModel, rng: np.random.Generator, count: int, delay: int = 0) -> LoopDraws | None:
     """Loops whose gains are accepted, up to the limit; every fifth has those that `tune` offers. Every fourth begins
     with an identified arm's estimate, the others knowing nothing. None where `tune` offers none."""
     rows, own = [], model.mechanism.inertial_parameters
     try:
-        offered = _offered(model.mechanism, int(rng.integers(2**31)))
+        offered = _offered(model.mechanism, int(rng.integers(2**31)), delay)
     except InputError:
         return None
     for k in range(count):
-        gains, wanted, reference, workspace = _accepted(model.mechanism, rng) if k % 5 else offered
+        gains, wanted, reference, workspace = _accepted(model.mechanism, rng, delay) if k % 5 else offered
         within: dict[str, Any] = {"control_period": PERIOD, "workspace": workspace}
-        gain = adaptation_gain(model, gain_scale=0.6 * 10.0 ** rng.uniform(-3.0, 1.0), gains=gains, **within)
+        scale = 0.6 * 10.0 ** rng.uniform(-3.0, 1.0)
+        gain = adaptation_gain(model, gain_scale=scale, gains=gains, delay=delay, **within)
         prior = adaptation_gain(model)
         prior *= numbers(model, gains, gain, reference) / numbers(model, gains, prior, reference)
         loaded = own.copy()
@@ -153,10 +158,11 @@ def drawn(model: ReducedModel, rng: np.random.Generator, count: int) -> LoopDraw
         if k % 4 == 3:
             initial, bound = _identified(by_link, rng, 10.0 ** rng.uniform(-2.5, -0.5))
         held = wanted + estimate_sampling_ratio(model, gain, bound, gains.bandwidth, **within)
-        rows.append((gains.bandwidth, gains.damping, gain, initial, prior, held < 2.0, reference, loaded))
+        safe = held < stable_below(delay)
+        rows.append((gains.bandwidth, gains.damping, gain, initial, prior, safe, reference, loaded))
     columns = list(zip(*rows, strict=True))
     settings, (before, certified) = LoopSettings(*map(np.array, columns[:4])), map(np.array, columns[4:6])
-    return LoopDraws(settings, before, certified, list(columns[6]), np.array(columns[7]))
+    return LoopDraws(settings, before, certified, list(columns[6]), np.array(columns[7]), delay)
 
 
 def _identified(by_link: Array, rng: np.random.Generator, share: float) -> tuple[Array, Array]:
@@ -166,11 +172,12 @@ def _identified(by_link: Array, rng: np.random.Generator, share: float) -> tuple
     return by_link @ (1.0 + off), share * np.abs(by_link).sum(axis=1)
 
 
-def _accepted(mechanism: Mechanism, rng: np.random.Generator) -> Accepted:
+def _accepted(mechanism: Mechanism, rng: np.random.Generator, delay: int) -> Accepted:
     """Gains with a sampling ratio up to the limit, wherever the arm may be."""
     r, bandwidth = mechanism.dof, np.full(mechanism.dof, rng.uniform(4.0, 12.0))
     shape = typical_inertia(mechanism) * 10.0 ** rng.uniform(-0.7, 0.7, r)
-    wanted = float(rng.uniform(0.3, MAX_SAMPLING_RATIO))
+    most = largest_with_delay(delay)
+    wanted = float(rng.uniform(0.2 * most, most))
     gains = Gains(bandwidth, shape * (wanted - PERIOD * bandwidth[0]) / sampling_ratio(mechanism, shape, PERIOD).value)
     reference = adaptctl.Sinusoids(
         rng.uniform(-1.5, 1.5, r), rng.uniform(0.2, 0.6, r), rng.uniform(0.1, 0.4, r), rng.uniform(-3.0, 3.0, r)
@@ -178,12 +185,17 @@ def _accepted(mechanism: Mechanism, rng: np.random.Generator) -> Accepted:
     return Accepted(gains, wanted, reference, everywhere(mechanism))
 
 
-def _offered(mechanism: Mechanism, seed: int) -> Accepted:
+def _offered(mechanism: Mechanism, seed: int, delay: int) -> Accepted:
     """The gains that `tune` offers, on its reference. Raises `InputError` where it offers none."""
-    found = tune(mechanism, control_period=PERIOD, seed=seed)
+    found = tune(mechanism, control_period=PERIOD, seed=seed, effects=late(delay))
     gains, workspace = found.gains, found.workspace
     held = sampling_ratio(mechanism, gains.damping, PERIOD, gains.bandwidth, workspace=workspace)
     return Accepted(gains, held.value, found.reference, workspace)
+
+
+def late(delay: int) -> list[ControlDelay]:
+    """Effects of torques so many control periods late."""
+    return [ControlDelay(delay)] if delay else []
 
 
 def numbers(model: ReducedModel, gains: Gains, gain: Array, reference: adaptctl.Sinusoids) -> float:
@@ -200,7 +212,7 @@ def outcome(model: ReducedModel, draws: LoopDraws, law: Gradient, gain: Array, d
     rows = zip(*draws.settings._replace(gain=gain), strict=True)
     names = "inner.bandwidth", "inner.damping", "inner.adaptation.gain", "inner.initial"
     laws = [bare.having(bare.numbers | dict(zip(names, row, strict=True))) for row in rows]  # judged when drawn
-    plant = adaptctl.Plant(model.mechanism, PERIOD, integrator=SemiImplicitEuler())
+    plant = adaptctl.Plant(model.mechanism, PERIOD, integrator=SemiImplicitEuler(), effects=late(draws.delay))
     run = simulate_many(
         plant, laws, draws.references, duration=duration, parameters=draws.parameters, record_every=1000
     )
@@ -244,7 +256,7 @@ class LoopCounts(NamedTuple):
         return kept and self.offered >= 0.95 * self.arms
 
 
-def counted(seed: int, count: int, duration: float, beside: int) -> LoopCounts:
+def counted(seed: int, count: int, duration: float, beside: int, delay: int = 0) -> LoopCounts:
     """Counts of so many loops of the arm of a seed, of which the first run beside with the law there was before."""
     rng = np.random.default_rng(seed)
     arm = random_arm(rng)
@@ -252,7 +264,7 @@ def counted(seed: int, count: int, duration: float, beside: int) -> LoopCounts:
         model = ReducedModel(arm)
     except RankError:  # kept parameters that nearly depend on each other: no controller is made
         return LoopCounts(arms=1)
-    if (draws := drawn(model, rng, count)) is None:
+    if (draws := drawn(model, rng, count, delay)) is None:
         return LoopCounts(arms=1)
     gain, safe = draws.settings.gain, draws.certified
     finite, rings = outcome(model, draws, Gradient(gain[0]), gain, duration)
@@ -268,6 +280,7 @@ def main(arguments: list[str]) -> int:
     for name, default, meaning in (
         ("arms", 500, "random arms"), ("draws", 20, "loops of each"), ("first", 0, "the first arm's seed"),
         ("beside", 4, "loops of each that also run with the law there was before"),
+        ("delay", 0, "control periods by which torques arrive late"),
     ):  # fmt: skip
         parser.add_argument(f"--{name}", type=int, default=default, help=meaning)
     parser.add_argument("--duration", type=float, default=600.0, help="s of each loop")
@@ -276,7 +289,7 @@ def main(arguments: list[str]) -> int:
     try:
         for seed in range(asked.first, asked.first + asked.arms):
             started = time.process_time()
-            total += (found := counted(seed, asked.draws, asked.duration, asked.beside))
+            total += (found := counted(seed, asked.draws, asked.duration, asked.beside, asked.delay))
             print(f"arm {seed}: {found}; {time.process_time() - started:.0f} s", flush=True)
     except KeyboardInterrupt:
         print("interrupted: of the arms that were done")

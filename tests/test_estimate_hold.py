@@ -114,6 +114,28 @@ def test_ranges_are_held_less_where_less_is_asked_for() -> None:
     np.testing.assert_allclose(doubled, 2.0 * held)
 
 
+@pytest.mark.parametrize("delay", [1, 2, 3])
+def test_ranges_are_held_to_what_a_delay_leaves(delay: int) -> None:
+    """The limit of a late torque is far below 2, and so is an estimate's share of it."""
+    model, gains = wrist()
+    limit = 2.0 * np.sin(np.pi / (4 * delay + 2))  # 1, 0.618, 0.445
+    slow = Gains(gains.bandwidth, 0.3 * gains.damping)
+    held = adaptation_gain(model, gains=slow, control_period=PERIOD, delay=delay)
+    h = sampling_ratio(model.mechanism, slow.damping, PERIOD, slow.bandwidth).value
+    u = parameter_sampling_ratios(model, slow.bandwidth, PERIOD)
+    lightest = model.names.index("link6.I_zz")
+    assert held[lightest] == pytest.approx(0.6 * (0.2 * (limit - h) / u[lightest]) ** 2)
+
+
+def test_gains_that_a_delay_makes_unstable_are_refused_with_the_most_that_holds() -> None:
+    model, gains = wrist()
+    with pytest.raises(GainError, match=r"and a delay of 2, so no .* the limit 0\.618; use") as told:
+        adaptation_gain(model, gains=gains, control_period=PERIOD, delay=2)
+    share = float(str(told.value).split("at most ")[1].split(" ")[0])
+    lower = Gains(gains.bandwidth, share * gains.damping)
+    assert np.all(adaptation_gain(model, gains=lower, control_period=PERIOD, delay=2) > 0.0)
+
+
 def test_gains_that_leave_nothing_are_refused() -> None:
     model, gains = wrist()
     with pytest.raises(GainError, match=r"these gains are unstable at a period of 0\.002 s"):

@@ -8,12 +8,23 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen, frozen_array, per_joint, positive_number, positive_period, real_number
+from adaptctl.arrays import (
+    Array,
+    frozen,
+    frozen_array,
+    per_joint,
+    positive_number,
+    positive_period,
+    real_number,
+    whole_number,
+)
 from adaptctl.control.adaptation.gradient import checked_gain
+from adaptctl.control.adaptation.late_torques import MAX_DELAY
 from adaptctl.control.gains.gains import Gains
-from adaptctl.control.gains.sampling_ratio import sampling_ratio
+from adaptctl.control.gains.sampling_ratio import sampling_ratio, stable_below
 from adaptctl.control.gains.workspace import Workspace, workspace_of
 from adaptctl.description.drive import HARMONICS
+from adaptctl.dynamics import Mechanism
 from adaptctl.errors import GainError, InputError, NotFoundError, suggested_name, validate_kind
 from adaptctl.identifiability import ReducedModel
 
@@ -107,8 +118,8 @@ def estimate_sampling_ratio(
     Returns
     -------
     float
-        Bound without a unit. If the gains' sampling ratio plus this is below 2, no estimate rings; most arms are stable
-        above it too.
+        Bound without a unit. If the gains' sampling ratio plus this is below 2 (2 sin(pi/(4 d + 2)) where torques are d
+        periods late), no estimate rings; most arms are stable above it too.
 
     Raises
     ------
@@ -147,7 +158,7 @@ def _largest_distance(gamma: Array, bound: Array) -> float:
     return float(bound @ np.abs(np.linalg.inv(gamma)) @ bound)
 
 
-SAMPLING_RATIO_SHARE = 0.2  # for each parameter, of what the gains leave below 2
+SAMPLING_RATIO_SHARE = 0.2  # for each parameter, of what the gains leave below the limit of stability
 RANGE_OF_KIND = {
     "m": "mass",
     **dict.fromkeys(("mc_x", "mc_y", "mc_z"), "first_moment"),
@@ -235,6 +246,7 @@ def adaptation_gain(
     gains: Gains | None = None,
     control_period: float = 1e-3,
     workspace: Workspace | None = None,
+    delay: int = 0,
 ) -> Array:
     """
     Choose an adaptation gain from prior ranges of the parameters.
@@ -248,12 +260,14 @@ def adaptation_gain(
     gain_scale : float, default 0.6
         Factor in 1/J of the squared ranges: an error of a whole range counts 1/(2 gain_scale) J, for every parameter.
     gains : Gains, optional
-        Gains of the control law. With them ranges are limited to 0.2 (2 - h)/u, h the sampling ratio and u that of
-        `parameter_sampling_ratios`, so that a light wrist does not ring.
+        Gains of the control law. With them ranges are limited to 0.2 (2 sin(pi/(4 d + 2)) - h)/u, delay d, h the
+        sampling ratio and u that of `parameter_sampling_ratios`, so that a light wrist does not ring.
     control_period : float, default 0.001
         Time in s for which a torque is held. 1 kHz is the rate of most torque interfaces.
     workspace : Workspace, optional
         Joint positions for these ratios. Unless given, all that the joints' limits allow.
+    delay : int, default 0
+        Control periods, 0 to 64, by which torques arrive late: an estimate that is too large then rings much earlier.
 
     Returns
     -------
@@ -263,7 +277,7 @@ def adaptation_gain(
     Raises
     ------
     GainError
-        If the sampling ratio of the gains is 2 or more.
+        If the gains are unstable at this period and delay.
     InputError
         If a number is not positive, or gains are for another number of joints.
 
@@ -277,19 +291,24 @@ def adaptation_gain(
     validate_kind(known, PriorRanges, "adaptation gain: ranges", "as PriorRanges() is one")
     reach = known.for_parameters(model.names)
     if gains is not None:
-        held = sampling_ratio(
-            model.mechanism, gains.damping, control_period, gains.bandwidth, workspace=workspace
-        ).value
+        left = _left_by(gains, model.mechanism, control_period, workspace, delay)
         caused = parameter_sampling_ratios(model, gains.bandwidth, control_period, workspace)
-        reach = np.minimum(
-            reach, SAMPLING_RATIO_SHARE * max(2.0 - held, 0.0) / np.maximum(caused, np.finfo(float).tiny)
-        )
-    if not np.all(reach > 0.0):
-        raise GainError(
-            f"{model.mechanism.name}: these gains are unstable at a period of {control_period:g} s, so no adaptation "
-            "gain is stable"
-        )
+        reach = np.minimum(reach, SAMPLING_RATIO_SHARE * left / np.maximum(caused, np.finfo(float).tiny))
     return np.asarray(positive_number(gain_scale, "adaptation gain: gain_scale: expected a positive number") * reach**2)
+
+
+def _left_by(gains: Gains, arm: Mechanism, control_period: float, workspace: Workspace | None, delay: int) -> float:
+    """Distance of the gains' sampling ratio from the limit of stability. Raises `GainError` above it."""
+    held = sampling_ratio(arm, gains.damping, control_period, gains.bandwidth, workspace=workspace).value
+    limit = stable_below(whole_number(delay, "delay in control periods", 0, MAX_DELAY))
+    if not held < limit:
+        late = f" and a delay of {delay}" if delay else ""
+        raise GainError(
+            f"{arm.name}: these gains are unstable at a period of {control_period:g} s{late}, so no adaptation gain is "
+            f"stable: their sampling ratio is {held:.3g}, and the limit {limit:.3g}; use at most "
+            f"{0.75 * limit / held:.3g} times this damping"
+        )
+    return limit - held
 
 
 def mapped_gain(model: ReducedModel, gain: ArrayLike) -> Array:

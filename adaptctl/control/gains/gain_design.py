@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import Array, positive_per_joint, whole_number
 from adaptctl.control.gains.error_feedback import MAX_DELAY, ErrorFeedback, Margins, margins
 from adaptctl.control.gains.gains import Gains, sampled_gain
-from adaptctl.control.gains.sampling_ratio import MAX_SAMPLING_RATIO, sampled_inertia, sampling_ratio
+from adaptctl.control.gains.sampling_ratio import MAX_SAMPLING_RATIO, sampled_inertia, sampling_ratio, stable_below
 from adaptctl.control.gains.workspace import Workspace, everywhere
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import GainError, InputError
@@ -364,9 +364,8 @@ class GainDesign:
 
 
 def largest_with_delay(delay: int) -> float:
-    """Largest sampled gain with a delay, 3/4 of the limit (Levin and May 1976)."""
-    limit = 2.0 * float(np.sin(np.pi / (2.0 * (2.0 * delay + 1.0))))
-    return 0.5 * MAX_SAMPLING_RATIO * limit
+    """Largest sampled gain with a delay, 3/4 of the limit."""
+    return 0.5 * MAX_SAMPLING_RATIO * stable_below(delay)
 
 
 def _design(

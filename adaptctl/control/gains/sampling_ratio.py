@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from functools import lru_cache
 from typing import Any, NamedTuple, NoReturn
@@ -20,6 +21,11 @@ from adaptctl.scalars import column
 
 MAX_SAMPLING_RATIO = 1.5  # a held torque is stable below 2; the rest is a margin
 MIN_EIGENVALUE = 1e-12  # of a mass matrix scaled to a unit diagonal: positive beyond round-off
+
+
+def stable_below(delay: int) -> float:
+    """Sampling ratio at which a torque held and late by so many periods becomes unstable (Levin and May 1976)."""
+    return 2.0 * math.sin(math.pi / (4 * delay + 2))
 
 
 @sent_as_made
