@@ -85,7 +85,7 @@ def adaptive_controller(
     --------
     >>> controller = adaptctl.adaptive_controller(arm, control_period=0.004)
     >>> controller
-    <SlotineLi of 2 joints>
+    <LeakyIntegral of 2 joints>
     >>> len(controller.model.names)  # with two friction parameters per joint
     10
     """
