@@ -16,6 +16,7 @@ import pytest
 from driven_robots import ARM
 
 import adaptctl
+from adaptctl.control import SafetyFilter
 from adaptctl.control.gains.gain_design import largest_with_delay
 from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.hardware import (
@@ -29,6 +30,7 @@ from adaptctl.hardware import (
     udp_plant,
 )
 from adaptctl.hardware.acceleration import PossibleAcceleration
+from adaptctl.hardware.drive import _log
 from adaptctl.hardware.lead_in import beyond_limits, led_in
 from adaptctl.hardware.preparation import DEFAULT_SAMPLING_RATIO, hold_at
 from adaptctl.hardware.resting import MARGIN, StoppingDistance
@@ -284,6 +286,25 @@ def test_an_arm_on_the_network_holds_a_torque_once_and_then_falls(
     assert "4 of 6 torques came, 2 did not" in told
     assert f"statuses together {0b110011}" in told
     assert f"in the end: {np.abs(state.v).max():.3g} rad/s, positions {np.round(state.p, 3).tolist()}" in told
+
+
+def test_a_line_of_the_simulated_arm_may_leave_out_its_seconds_and_its_port() -> None:
+    words = ["two_link", "3", "77"]
+    found = [udp_plant.asked(words[:count]) for count in (1, 2, 3)]
+    assert found == [("two_link", 20.0, 5150), ("two_link", 3.0, 5150), ("two_link", 3.0, 77)]
+
+
+@pytest.mark.parametrize(("duration", "rows"), [(4.0, 21_000), (1e6, 2_000_000)])
+def test_a_log_has_room_for_a_run_and_what_may_follow_it(
+    duration: float, rows: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Eighty seconds at 250 Hz for a lead-in and a stop; a run of days is no reason to take all memory."""
+    made = MagicMock()
+    monkeypatch.setitem(_log.__globals__, "RunLogger", type("RunLogger", (), {"__new__": made}))
+    _log("run.parquet", SafetyFilter(LAW, control_period=PERIOD), ARM, PERIOD, duration, True, None)
+    told = made.call_args.kwargs
+    assert (told["capacity"], told["joints"], told["estimates"]) == (rows, ("shoulder", "elbow"), 6)
+    assert told["flags"][-1] == "payload_mass"
 
 
 def test_times_are_told_by_their_middle_and_their_slowest() -> None:

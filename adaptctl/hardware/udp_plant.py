@@ -76,15 +76,20 @@ def received(link: socket.socket, k: int, r: int, patience: float) -> tuple[np.n
     return None
 
 
+def asked(words: list[str]) -> tuple[str, float, int]:
+    """Robot, seconds and port of a line's words. Raises `ValueError` where they are no such line."""
+    name, seconds, port = (*words, *("20", "5150")[len(words) - 1 :])
+    if name.startswith("-"):
+        raise ValueError
+    return name, float(seconds), int(port)
+
+
 if __name__ == "__main__":
     try:
-        name, seconds, port = (*sys.argv[1:], *("20", "5150")[max(len(sys.argv) - 2, 0) :])
-        if name.startswith("-"):
-            raise ValueError
-        duration, number = float(seconds), int(port)
+        given = asked(sys.argv[1:])
     except ValueError:
         sys.exit(str(__doc__).strip())
     try:
-        main(name, duration, number)
+        main(*given)
     except adaptctl.AdaptctlError as error:
         sys.exit(str(error))
