@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 
 import mujoco
 import numpy as np
@@ -14,6 +15,7 @@ import adaptctl
 from adaptctl import FundamentalBasis, Mechanism
 from adaptctl.cli.main import main
 from adaptctl.errors import InputError, NotFoundError
+from adaptctl.identifiability.chosen_columns import chosen_columns
 
 
 def regressors(model: pinocchio.Model, samples: int) -> NDArray[np.float64]:
@@ -86,3 +88,15 @@ def test_the_command_takes_frames_at_the_joints(capsys: pytest.CaptureFixture[st
     content = json.loads(capsys.readouterr().out)
     W, K = regressors(adaptctl.load("puma560_measured").to_pinocchio(), 30), np.array(content["regrouping"])
     np.testing.assert_allclose(W, W[:, content["columns"]] @ K[:, : W.shape[1]], atol=1e-9 * np.abs(W).max())
+
+
+def test_only_the_usual_order_and_tolerance_give_way_to_a_hundredth(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who asks for an order or a tolerance gets what he asked for."""
+    space, given = adaptctl.essential_space(adaptctl.load("two_link")), list[float | None]()
+    module, chosen = sys.modules["adaptctl.identifiability.fundamental_basis"], chosen_columns
+    monkeypatch.setattr(module, "chosen_columns", lambda *asked: given.append(asked[-1]) or chosen(*asked))
+    monkeypatch.setattr(module.object_cache, "kept", lambda what, inputs, kind, make: make())
+    adaptctl.fundamental_basis(space)
+    adaptctl.fundamental_basis(space, adaptctl.Priority(keep=("lower.m",)))
+    adaptctl.fundamental_basis(space, tolerance=1e-4)
+    assert given == [0.01, None, None]

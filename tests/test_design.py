@@ -88,6 +88,10 @@ def test_mass_on_the_first_axis_costs_nothing() -> None:
     assert added_mass(T, "link1", 5.0, (0.1, 0.3, 0.0)).energy_change > 1e-4
 
 
+def test_a_body_without_mass_changes_no_parameter() -> None:
+    assert added_mass(task("two_link"), "lower", 0.0).base_parameter_changes == ()
+
+
 @pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
 def test_a_parameter_becomes_essential() -> None:
     """The published PUMA's last link has its centre of mass on its axis: a camera beside it needs what was zero."""

@@ -89,6 +89,20 @@ def test_references_of_an_arm_with_loops_shrink_towards_its_home_until_they_clos
     assert np.isfinite(arm.inverse_dynamics(p, v, 0.0 * v)).all()  # which closes the loops, or raises
 
 
+def test_a_seed_means_the_same_reference_for_ever(measured: Mechanism) -> None:
+    """Frequencies, shares of the amplitudes and centres, in this order, from least to greatest."""
+    rng, drawn = np.random.default_rng(5), random_sinusoids(measured, np.random.default_rng(5))
+    frequency, share, place = rng.uniform(0.1, 0.25, 6), rng.uniform(0.5, 1.0, 6), rng.uniform(-1.0, 1.0, 6)
+    lower, upper = np.array([[x.limits.lower, x.limits.upper] for x in measured.primary_joints]).T
+    fastest = [joint.limits.velocity for joint in measured.primary_joints]
+    reach = 0.4 * (upper - lower)
+    slope = 2.0 * np.pi * frequency + 1.875 / 2.0
+    amplitude = share * np.min([np.full(6, 0.5), reach, 0.8 * np.array(fastest) / slope], axis=0)
+    np.testing.assert_array_equal(drawn.frequency.ravel(), frequency)
+    np.testing.assert_allclose(drawn.amplitude.ravel(), amplitude)
+    np.testing.assert_allclose(drawn.center, 0.5 * (lower + upper) + (reach - amplitude) * place)
+
+
 def with_limits(mechanism: Mechanism, **limits: float) -> Mechanism:
     """A mechanism all of whose joints have these limits, and no others."""
     own = Limits(**limits)

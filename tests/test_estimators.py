@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from adaptctl.identification.drives_file import PayloadEntry
 from adaptctl.identification.energy_differences import by_energy, energy_rows
 from adaptctl.identification.estimator_comparison import compared_estimators, validate_window
 from adaptctl.identification.examples import example
+from adaptctl.identification.files import _record
 from adaptctl.identification.filtered_dynamics import Rows
 from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.gathering import gathered
@@ -27,6 +29,9 @@ from adaptctl.identification.identify import identified
 from adaptctl.identification.instruments import freed_of_noise
 from adaptctl.identification.least_squares import first_stage, halves, weighted_least_squares
 from adaptctl.identification.preparation import prepare
+from adaptctl.identification.report import report
+from adaptctl.recording import scene, stream, views
+from adaptctl.recording.drawing import MUTED, joint_color, run_color
 
 
 def noisy(seed: int, encoder: float) -> Known:
@@ -152,6 +157,28 @@ def test_energy_balance_is_exact_and_an_estimator_that_amplifies() -> None:
         ratios[name] = wrong[0] / np.linalg.norm(rows.regressor @ D), wrong[0] / wrong[1]
     assert ratios["exact"][0] < 0.03
     assert ratios["off"][1] > 3.0
+
+
+def test_a_recording_shows_the_log_from_the_first_of_its_torques(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """In the first run's colour, its torques in each joint's, beside what was measured."""
+    case = known(5, links=2, duration=8.0, rate=200.0)
+    found = identified(case.guess, case.drives, [case.log], [case.log], friction=FrictionModel(), prior_weight=1.0)
+    seen = {name: MagicMock() for name in ("log_arm", "log_trail", "log_curves", "curves")}
+    seen["curves"].side_effect = views.curves
+    for name, spy in seen.items():
+        monkeypatch.setattr({"log_curves": stream, "curves": views}.get(name, scene), name, spy)
+    _record(found, report(found), tmp_path / "a.rrd", {})
+    time = found.validation.time
+    assert [call.kwargs["start"] for call in seen["curves"].call_args_list] == [time[0]] * 3
+    assert [call.args[2] for call in seen["curves"].call_args_list] == [time[-1]] * 3
+    assert [seen[name].call_args.args[-1] for name in ("log_arm", "log_trail")] == [run_color(0)] * 2
+    (_, (_, *joints)) = seen["log_curves"].call_args.args
+    for j, drawn in enumerate(joints):
+        np.testing.assert_array_equal(drawn.values[:, 0], found.validation.measured[:, j])
+        np.testing.assert_array_equal(drawn.values[:, 1], found.validation.predicted[:, j])
+        assert drawn.colors == (MUTED, joint_color(j))
 
 
 def test_the_comparison_shows_it_on_a_real_log(tmp_path: Path) -> None:

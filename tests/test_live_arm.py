@@ -21,7 +21,9 @@ import adaptctl
 from adaptctl.codegen import live_arm as module
 from adaptctl.codegen.live_arm import LiveArm, live_arm
 from adaptctl.control import Controller, Sinusoids, Spline
+from adaptctl.control.gains.workspace import sampled_configurations
 from adaptctl.dynamics import Mechanism
+from adaptctl.dynamics.recursion.kinematics import link_poses
 from adaptctl.experiments.contest import live_contender
 from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
 from adaptctl.identifiability import essential_space, fundamental_basis
@@ -108,12 +110,30 @@ def test_facts_of_the_page_are_those_of_the_arm() -> None:
     assert sum(facts["sizes"]) == sum(len(values) for values in facts["start"])
 
 
+def test_the_page_is_told_where_its_goal_and_its_links_are() -> None:
+    live = shown(slotine_li(GAIN), ARM)
+    assert isinstance(live, LiveArm)
+    facts, machine = live.facts, Machine(live.binary)
+    for at, values in [*zip(facts["state"], facts["start"], strict=True), (facts["parameters"], facts["parameter"])]:
+        machine.write(8 * at, values)
+    machine.write(8 * facts["gains"], facts["gain"])
+    machine.write(8 * facts["time"], [0.4])
+    machine.call(machine.exports["period"])
+    assert machine.read(8 * facts["goal"], 3) == pytest.approx(SWING(0.4).p)
+    origins = link_poses(ARM, ARM.neutral_configuration + 0.05).translations
+    assert facts["size"] == origins.size
+    assert machine.read(8 * facts["places"], facts["size"]) == pytest.approx(origins.ravel())
+    assert facts["parents"] == list(ARM.description.parents)
+    places = link_poses(ARM, sampled_configurations(ARM, 40)).translations
+    assert facts["reach"] == pytest.approx(max(np.linalg.norm(place) for place in places.reshape(-1, 3)))
+
+
 def test_payload_friction_and_gains_are_arguments() -> None:
     live = shown(slotine_li(GAIN), ARM)
     assert isinstance(live, LiveArm)
     facts = live.facts
     assert [group["name"][0] for group in facts["groups"]] == ["Λ", "K", "Γ"]
-    masses = np.arange(len(facts["load"])) == 10 * (len(ARM.links) - 1)
+    masses = np.arange(len(ARM.inertial_parameters)) == 10 * (len(ARM.links) - 1)
     assert facts["load"] == masses.astype(float).tolist()  # 1 kg in the last link's origin
     start, count = facts["groups"][1]["places"][0]
     assert facts["gain"][start : start + count] == [3.0, 4.0, 2.0]

@@ -179,6 +179,12 @@ def test_a_folder_holds_what_the_report_says(tmp_path: Path) -> None:
     assert seen[-1] == ("report", 1.0)
 
 
+def test_a_report_without_random_numbers_is_recorded_as_of_seed_zero(tmp_path: Path) -> None:
+    Report("by-hand", "Title", "Outcome").record(tmp_path / "a.rrd", {})
+    (entry,) = RrdReader(tmp_path / "a.rrd").recordings()
+    assert entry.recording_id.startswith("by-hand-seed0-")
+
+
 @pytest.mark.parametrize("existing", [False, True])
 def test_what_fails_leaves_the_folder_as_it_was(tmp_path: Path, existing: bool) -> None:
     folder = tmp_path / "run"

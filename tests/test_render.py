@@ -21,6 +21,7 @@ from adaptctl.envs import Puma560TrackingEnv
 from adaptctl.envs.contact import surroundings_of
 from adaptctl.envs.rendering import (
     BESIDE_OPACITY,
+    GHOST_SCALE,
     HORIZON,
     OVERSAMPLING,
     ZENITH,
@@ -33,7 +34,7 @@ from adaptctl.envs.rendering import (
     intersect,
 )
 from adaptctl.recording.drawing import GOAL
-from adaptctl.recording.skeleton import skeleton, tip_path
+from adaptctl.recording.skeleton import Solid, skeleton, tip_path
 
 CENTER = np.array([0.0, -0.6, 0.8, 0.0, 0.5, 0.0])
 RAISED = np.array([0.0, -1.6, 1.6, 0.0, 0.0, 0.0])
@@ -202,6 +203,19 @@ def test_the_tip_is_drawn_where_kinematics_has_it(renderer: Renderer, puma: Mech
         row, column = pixel(renderer, tip_path(parts, *link_poses(puma, p)))
         tip = renderer.image(p, p, 0.0)[row, column]
         assert tip.astype(int).max() < 90, "the tool's ball is dark, everything around it is not"
+
+
+def test_solids_are_the_skeletons_and_a_ghosts_are_thinner(renderer: Renderer, puma: Mechanism) -> None:
+    """Round ends come out of a cylinder by its radius, so that a ghost's reach no further than the arm's own."""
+    rotations, origins = link_poses(puma, RAISED)
+    for color, scale in ((None, 1.0), (GOAL, GHOST_SCALE)):
+        solids = renderer._arm(RAISED, color)
+        for shape, solid in zip(skeleton(puma).shapes, solids, strict=True):
+            start, end = (rotations[shape.link] @ x + origins[shape.link] for x in (shape.start, shape.end))
+            short = 0.5 * (1.0 - scale) * (end - start) * (shape.solid is Solid.JOINT)
+            np.testing.assert_allclose(solid.start, start + short, atol=1e-12)
+            np.testing.assert_allclose(solid.end, end - short, atol=1e-12)
+            assert solid.radius == scale * shape.radius
 
 
 def test_the_ghost_is_where_the_arm_should_be(renderer: Renderer, puma: Mechanism) -> None:

@@ -133,3 +133,23 @@ def test_threads_share_code_too() -> None:
         thread.join()
     assert len(found) == 12
     assert len(set(found)) == 1
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "%p = alloca double\n store double %x, ptr %p\n %y = load double, ptr %p\n %z = fadd double %y, %y",
+        "%z = call double @twice(double %x)",
+    ],
+    ids=["stack", "call"],
+)
+def test_what_a_function_leaves_on_the_stack_or_calls_costs_nothing(body: str) -> None:
+    """Machine code is that of the sum itself."""
+    twice = "define private double @twice(double %x) alwaysinline {\n %z = fadd double %x, %x\n ret double %z\n}\n"
+    with native._compiler():
+        machine = native.Processor.host().machine()
+        codes = [
+            native._emitted(f"{twice}define double @f(double %x) {{\n {lines}\n ret double %z\n}}\n", machine)
+            for lines in (body, "%z = fadd double %x, %x")
+        ]
+    assert codes[0] == codes[1]

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, NotCompiledWarning, PhysicalConsistencyWarning, SimplificationWarning
 from adaptctl.experiments.adaptive import AdaptiveTracking
+from adaptctl.sweeps import rows
 from adaptctl.sweeps.folder import Folder
 from adaptctl.sweeps.report import SweepReport, write_report
 from adaptctl.sweeps.rows import columns_of, rows_of
@@ -17,6 +19,27 @@ from adaptctl.sweeps.study import Span, SweepStudy, as_span, parsed
 
 AS_WRITTEN = {entry.name: entry for entry in fields(AdaptiveTracking)}["as_written"]
 ARM = "two_link"
+
+
+WARNED = [PhysicalConsistencyWarning, SimplificationWarning, NotCompiledWarning]
+
+
+@pytest.mark.parametrize("category", WARNED)
+def test_what_an_experiment_warns_of_is_not_told_for_each_run(
+    category: type[Warning], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rows, "_made", lambda kind, settings: warnings.warn("", category, stacklevel=1) or "refused")
+    (row,) = rows_of("adaptive", [{"robot": ARM}])
+    assert (row["status"], row["reason"]) == ("failed", "refused")
+
+
+@pytest.mark.parametrize("category", WARNED[:2])
+def test_names_of_controllers_are_found_without_a_warning(
+    category: type[Warning], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    known = rows._mechanism
+    monkeypatch.setattr(rows, "_mechanism", lambda one: warnings.warn("", category, stacklevel=1) or known(one))
+    assert "adaptive" in rows._controllers(AdaptiveTracking, {"robot": ARM})
 
 
 def test_switches_are_typed_as_true_and_false() -> None:

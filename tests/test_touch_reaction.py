@@ -138,6 +138,16 @@ def test_a_payload_that_is_announced_is_no_touch() -> None:
     assert plant.dof == 2
 
 
+@pytest.mark.parametrize(("age", "torque", "touched"), [(1.9, 3.0, 0), (2.0, 3.0, 1), (2.0, -3.0, 1), (2.0, 1.0, 0)])
+def test_a_touch_is_felt_after_two_seconds_beyond_its_level(age: float, torque: float, touched: int) -> None:
+    state, feeling = law().init(CENTER, np.zeros(2)), Feeling(["shoulder", "elbow"])
+    watch = state.law_state.watch._replace(age=np.array([age]))
+    touch = state.law_state.touch._replace(torque=np.array([2.5, torque]), level=np.array([3.0, 1.0]))
+    feeling.feel(state._replace(law_state=state.law_state._replace(watch=watch, touch=touch)), 1.0)
+    assert feeling.touched == touched
+    assert [(event.joint, event.torque) for event in feeling.events] == [("elbow", torque)] * touched
+
+
 def test_a_retreat_is_smooth_and_never_before_the_start() -> None:
     for time in (0.05, 0.4, 3.0):
         way, h = Retreat(REFERENCE, time, 0.3), 1e-5

@@ -23,7 +23,7 @@ from adaptctl.tuning.learning_rule import learning_by_rule
 from adaptctl.tuning.named_laws import guarded, named_law
 from adaptctl.tuning.rotors import rotor_note, rotorless
 from adaptctl.tuning.tune import _notes, _run_remarks, _searched
-from adaptctl.tuning.verification import Verification, measures, verified
+from adaptctl.tuning.verification import Verification, measures, scaled_links, verified
 
 
 @pytest.fixture(scope="module")
@@ -105,6 +105,8 @@ def test_a_search_takes_the_best_of_the_worse_of_two_runs(
         assert [one.delayed for one in settings] == [False, True] * 3
         assert [one.gain for one in settings] == [0, 0, 1, 1, 2, 2]
         own = ARM.inertial_parameters
+        for k, one in enumerate(settings):
+            np.testing.assert_array_equal(one.parameters, scaled_links(ARM, 0.3, (9, 10)[k % 2]))
         shares = {round(float(one.parameters[k] / own[k]), 9) for one in settings for k in (0, 10)}
         assert shares == {0.7, 1.3}
         found = run_of([1e-3 * np.full(400, x) for x in last])
@@ -117,7 +119,7 @@ def test_a_search_takes_the_best_of_the_worse_of_two_runs(
     first = proposed()
     asked.clear()
     first.gain = 0
-    assert _searched(trials, rule, first, 2, 0).gain == best
+    assert _searched(trials, rule, first, 2, 8).gain == best
     assert len(set(asked)) == 2
     assert {kind for *_, kind in asked} <= {"mixed", "links", "parameters"}
 
