@@ -20,6 +20,7 @@ from adaptctl.tuning import with_friction
 from adaptctl.tuning.default_gains import DefaultGains, _groups, prior_ranges
 from adaptctl.tuning.feasible_gains import (
     FeasibleGains,
+    _worst,
     feasible_gains,
     limitations,
     recoverable_error,
@@ -175,6 +176,12 @@ def test_a_centre_is_rounded_to_thousandths_of_half_its_range() -> None:
     thousandths = 1e3 * mine.center / np.deg2rad([170, 150])
     assert thousandths == pytest.approx(np.rint(thousandths), abs=1e-9)
     assert (np.rint(thousandths) % 10 != 0).any()
+
+
+def test_the_worst_posture_is_told_with_each_joints_part_in_it() -> None:
+    inverses = np.array([np.diag([1.0, 3.0, 2.0]), np.diag([1.0, 2.0, 4.0]), np.diag([5.0, 1.0, 2.0])])
+    number, shares = _worst(inverses, 0.5, np.array([1.0, 4.0, 2.0]))
+    assert (number, shares.tolist()) == (pytest.approx(6.0), pytest.approx([0.0, 1.0, 0.0]))
 
 
 def test_prior_ranges_are_of_a_body_that_the_joint_can_move() -> None:

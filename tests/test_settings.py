@@ -18,6 +18,7 @@ from adaptctl.control import (
     CompositeLearning,
     ConcurrentLearning,
     DeadZone,
+    EModification,
     GainDesign,
     Gradient,
     LinearController,
@@ -259,3 +260,12 @@ def test_an_inertia_without_mass_is_not_written_into_a_urdf_file(tmp_path: Path)
     parameters[20:30] = 0.0
     robot.with_parameters(parameters).write_into(UR5, tmp_path / "out.urdf")
     np.testing.assert_allclose(adaptctl.load(tmp_path / "out.urdf").inertial_parameters, parameters, atol=1e-12)
+
+
+@pytest.mark.parametrize("law", [SigmaModification, EModification, ConcurrentLearning])
+@pytest.mark.parametrize(
+    "gain", [[1.0, -1.0], [1.0, 0.0], [[1.0, 2.0], [2.0, 1.0]]], ids=["negative", "zero", "matrix"]
+)
+def test_laws_with_numbers_of_their_own_refuse_a_gain_as_the_gradient_does(law: Any, gain: Any) -> None:
+    with pytest.raises(InputError, match=r"^adaptation gain: expected a positive"):
+        law(np.array(gain))

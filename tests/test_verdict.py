@@ -90,6 +90,12 @@ def test_errors_that_no_tracking_has_are_divergence() -> None:
     assert Failure.DIVERGED not in failures(changed(SHOWN, p=off_by(0.9, after=2.0)))
 
 
+def test_an_error_that_is_as_large_without_adaptation_is_not_called_larger() -> None:
+    words = outcome_words(changed(SHOWN, 1, p=SHOWN.subject.rollout.p))
+    assert "Without adaptation, it remains at " in words
+    assert "times larger" not in words
+
+
 @pytest.mark.parametrize("run", [0, 1])
 @pytest.mark.parametrize(("hole", "words"), [(np.nan, "not a number"), (np.inf, "infinity")])
 def test_a_run_that_diverged_out_of_numbers_is_told_in_words(run: int, hole: float, words: str) -> None:
