@@ -16,6 +16,7 @@ from adaptctl.arrays import Array
 from adaptctl.dynamics import load
 from adaptctl.experiments.adaptive import AdaptiveTracking
 from adaptctl.recording import Comparison, Failure, Finding, TaskError, judged
+from adaptctl.recording.figures import lyapunov
 from adaptctl.recording.judgement import facts, outcome_words
 from adaptctl.recording.report import report, write_artifacts
 from adaptctl.recording.rerun_recording import finite_part, summary_markdown
@@ -94,6 +95,16 @@ def test_an_error_that_is_as_large_without_adaptation_is_not_called_larger() -> 
     words = outcome_words(changed(SHOWN, 1, p=SHOWN.subject.rollout.p))
     assert "Without adaptation, it remains at " in words
     assert "times larger" not in words
+
+
+def test_rises_of_a_lyapunov_function_are_counted_beside_its_falls() -> None:
+    first, *others = SHOWN.runs
+    values = np.linspace(2.0, 1.0, len(first.rollout.time))
+    values[[3, 7]] += 0.1
+    shown = replace(SHOWN, runs=(replace(first, lyapunov=values), *others))
+    legend = lyapunov(shown).axes[1].get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == ["increase, 2 steps"]
 
 
 @pytest.mark.parametrize("run", [0, 1])
