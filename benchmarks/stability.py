@@ -89,12 +89,12 @@ class LoopSettings(NamedTuple):
     initial: Array
 
 
-def random_arm(rng: np.random.Generator) -> Mechanism:
-    """An arm of 5 to 7 turning joints about any axes, its bodies lighter link by link, each some density's."""
+def random_arm(rng: np.random.Generator, joints: int | None = None, lighter: float = 0.6) -> Mechanism:
+    """An arm of turning joints, 5 to 7, about any axes, its bodies lighter link by link, each some density's."""
     links = []
-    for i in range(int(rng.integers(5, 8))):
+    for i in range(joints or int(rng.integers(5, 8))):
         axis = np.eye(3)[rng.integers(3)] if rng.random() < 0.5 else rng.normal(size=3)
-        length, mass = rng.uniform(0.1, 0.5) * 0.8**i, rng.uniform(0.5, 3.0) * 0.6**i
+        length, mass = rng.uniform(0.1, 0.5) * 0.8**i, rng.uniform(0.5, 3.0) * lighter**i
         points = np.array([length, 0.0, 0.0]) * rng.random((6, 1)) + rng.normal(scale=0.15 * length, size=(6, 3))
         inertia = np.sum([from_center_of_mass(mass / 6.0, x, np.zeros((3, 3))) for x in points], axis=0)
         turn = rotation_about(np.eye(3)[rng.integers(3)], rng.choice([0.0, 0.5 * np.pi, -0.5 * np.pi]))

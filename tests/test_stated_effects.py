@@ -14,8 +14,10 @@ import adaptctl
 from adaptctl.errors import InputError, TuningWarning, VerdictError
 from adaptctl.simulation.effects import ControlDelay, ElasticJoints, Encoder, FilteredDifferences
 from adaptctl.tuning import stated_effects, tune, with_friction
-from adaptctl.tuning.stated_effects import Rates, held, holds, late_share
-from adaptctl.tuning.verification import Verification, base_model
+from adaptctl.tuning.default_gains import DefaultGains
+from adaptctl.tuning.stated_effects import Rates, held, holds, late_share, plant_with
+from adaptctl.tuning.verification import Trials, TrialSetting, Verification, base_model, verifications
+from benchmarks.stability import random_arm
 
 ASKED = Rates(4.0, 0.5, 0.4)
 CASES = 4
@@ -158,3 +160,20 @@ def test_the_tuning_s_notes_are_warnings_of_the_controller() -> None:
     arm = changed(lambda joint: joint, source="URDF file arm.urdf")
     with pytest.warns(TuningWarning, match="two_link: shoulder, elbow: URDF has no rotor inertias"):
         adaptctl.adaptive_controller(arm, control_period=4e-3)
+
+
+def test_gains_are_lowered_where_another_start_loses_the_arm() -> None:
+    """Of an arm whose hand is light, which two of eight starts lose within 2 s, but not the one that is verified."""
+    arm = with_friction(random_arm(np.random.default_rng(7), 3, lighter=0.3))
+    found = tune(arm, control_period=0.004, nominal_only=True)
+    assert "lowered to these" in found.notes[-1]
+    assert found.is_learning
+    rule = DefaultGains.for_mechanism(arm, control_period=0.004)
+    trials = Trials(plant_with(arm, 0.004, rule.limits, ()), rule.reference, rule.initial_error, True)
+    first = rule.proposed(4.0, 0.5, 0.5, "mixed")
+    given = trials, base_model(arm), first.feasible.gains, first.gain
+    assert verifications(*given, 0)[0].max_error > 1.0
+    setting = TrialSetting(
+        first.feasible.gains.bandwidth, first.feasible.gains.damping, first.gain, arm.inertial_parameters
+    )
+    assert trials.learn(base_model(arm), [setting], 2.0).largest_error.max() < 0.5

@@ -23,6 +23,7 @@ from adaptctl.tuning.default_gains import DefaultGains, Proposal
 from adaptctl.tuning.learning_rule import MAX_LEARNED
 from adaptctl.tuning.verification import (
     DURATION,
+    FIRST_LOOK,
     MAX_ERROR,
     MAX_ERROR_RATIO,
     Trials,
@@ -35,8 +36,6 @@ from adaptctl.tuning.verification import (
 
 HALVINGS = 7
 """times that gains are halved before none hold"""
-FIRST_LOOK = 2.0
-"""s in which most gains that are too high lose the arm"""
 LEAST_DAMPED = 4.0
 """least decay rate of velocities over the bandwidth: critical damping"""
 

@@ -44,7 +44,7 @@ def run_trials(
     """
     Runs of M laws that differ in numbers alone, from rest, with the same noise of sensors.
 
-    Positions `first` (r,) in rad (m), `duration` in s, true parameters (M, P), and torques a period late where
+    Positions `first` (r,) or (M, r) in rad (m), `duration` in s, true parameters (M, P), torques a period late where
     `delayed` (M,) is true; `once` with code that is made for these runs.
     """
     noise = Noise.of(0, 1, 1, plant.noise_size)[0]
