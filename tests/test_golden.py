@@ -6,10 +6,10 @@ import json
 import shlex
 import warnings
 from collections.abc import Iterator
-from typing import Any
 
 import pytest
 from golden import capture
+from golden.kept import kept, validate_same
 from rich.console import Console
 from test_documented_commands import take
 
@@ -17,7 +17,6 @@ from adaptctl.cli.experiment import run
 from adaptctl.cli.main import app
 from adaptctl.experiments import EXPERIMENTS
 
-AFTERWARDS = "if it is meant, `make golden UPDATE=1` writes it anew; say why in the commit"
 ROBOTS = (
     *(
         "puma560",
@@ -31,7 +30,6 @@ ROBOTS = (
     *("mjcf_classes.xml", "mjcf_coupled.xml", "mjcf_geoms.xml", "ur5_robot.urdf", "panda.urdf"),
     *("xarm7.urdf", "double_pendulum.urdf floating"),
 )
-LAWS = ("three: gradient", "three: linear", "two: guarded")
 
 
 @pytest.fixture(autouse=True)
@@ -43,16 +41,6 @@ def _quiet(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         yield
-
-
-def kept(part: str) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads((capture.HERE / f"{part}.json").read_text())
-    return found
-
-
-def validate_same(before: Any, now: Any) -> None:
-    differences = list(capture.compared(before, json.loads(json.dumps(now))))
-    assert not differences, "\n".join([*differences, AFTERWARDS])
 
 
 def test_public_names_are_those_kept() -> None:
@@ -83,14 +71,6 @@ def test_figures_and_recordings_show_what_is_kept() -> None:
 def test_rank_certificate_and_basis_are_those_kept(name: str) -> None:
     source, how = capture.sources()[name]
     validate_same(kept("robots")[name], capture.robot(source, **how))
-
-
-@pytest.mark.parametrize("name", LAWS)
-def test_exported_c_is_the_one_kept(name: str) -> None:
-    """But for what was recorded: its last digits are this processor's."""
-    arm, law = name.split(": ")
-    own = {"vectors.h": kept("exports")[name]["vectors.h"]}
-    validate_same(kept("exports")[name], capture.exported(capture.arms()[arm][law]) | own)
 
 
 def test_every_robot_and_every_command_is_kept() -> None:

@@ -3,8 +3,9 @@
     python tests/golden/capture.py [--update] [PART ...]
 
 Parts: robots (ranks, certificates, bases), exports (hashes of exported C), names (what packages offer), help (of all
-commands), settings (defaults and bounds of all experiments), pictures (what figures and recordings show), experiments
-(numbers in their summaries), or `experiments/NAME` for one. `--update` writes the files anew.
+commands), settings (defaults and bounds of all experiments), rules (gains and references of arms), pictures (what
+figures and recordings show), experiments (numbers in their summaries), or `experiments/NAME` for one. `--update` writes
+the files anew.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from typing import Any
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
-PARTS = ("names", "help", "settings", "robots", "exports", "pictures", "experiments")
+PARTS = ("names", "help", "settings", "robots", "exports", "rules", "pictures", "experiments")
 
 SAME_EVERYWHERE: Mapping[str, str] = {
     "ADAPTCTL_PROCESSOR": "sse2",
@@ -49,6 +50,7 @@ RELATIVE, ABSOLUTE = 1e-6, 1e-9
 LOOSE: Mapping[str, float] = {
     r"^svg ": 1e-4,  # which has one decimal place
     r"\.gap$": 0.15,  # the logarithm of a ratio to what is beyond the rank, which is round-off
+    r"\.(gain|achieved|learning)\.|\.damping$": 1e-3,  # where a search of steps ends
     r"\.counterweights\.(weights\.\d+\.place|after)|runs\.\w+-after\.": 1e-3,  # where an optimisation ends
 }
 """Relative tolerances of what differs by more between processors, by patterns of names."""
@@ -318,6 +320,12 @@ def pictures() -> dict[str, Any]:
     return pictures()
 
 
+def rules() -> dict[str, Any]:
+    from golden.rules import rules
+
+    return rules()
+
+
 # Experiments
 
 
@@ -351,7 +359,7 @@ def flattened(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
 def parts(asked: list[str]) -> Iterator[tuple[Path, Callable[[], Any]]]:
     """Files, and what says now what they ought to keep."""
     single = {"names": names, "help": helps, "settings": settings, "robots": robots, "exports": exports}
-    single |= {"pictures": pictures}
+    single |= {"pictures": pictures, "rules": rules}
     for part in asked:
         if part in single:
             yield HERE / f"{part}.json", single[part]
