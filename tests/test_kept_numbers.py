@@ -1,9 +1,9 @@
-"""What laws compute, and what rules choose, compared with what is kept in tests/golden."""
+"""What laws and short runs compute, and what rules choose, compared with what is kept in tests/golden."""
 
 from __future__ import annotations
 
 import pytest
-from golden import capture, rules
+from golden import capture, rules, runs
 from golden.kept import kept, validate_same
 
 LONG = ("target inertia",)
@@ -28,3 +28,8 @@ def test_exported_c_of_single_numbers_is_the_one_kept() -> None:
 @pytest.mark.parametrize("name", rules.ARMS)
 def test_gains_and_references_are_those_kept(name: str) -> None:
     validate_same({name: kept("rules")[name]}, {name: rules.chosen(rules.arm(name))})
+
+
+@pytest.mark.parametrize("name", runs.RUNS)
+def test_short_runs_compute_what_is_kept(name: str) -> None:
+    validate_same({name: kept("runs")[name]}, {name: runs.RUNS[name]()})

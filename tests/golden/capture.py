@@ -3,9 +3,9 @@
     python tests/golden/capture.py [--update] [PART ...]
 
 Parts: robots (ranks, certificates, bases), exports (hashes of exported C), names (what packages offer), help (of all
-commands), settings (defaults and bounds of all experiments), rules (gains and references of arms), pictures (what
-figures and recordings show), experiments (numbers in their summaries), or `experiments/NAME` for one. `--update` writes
-the files anew.
+commands), settings (defaults and bounds of all experiments), rules (gains and references of arms), runs (short ones),
+pictures (what figures and recordings show), experiments (numbers in their summaries), or `experiments/NAME` for one.
+`--update` writes the files anew.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from typing import Any
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
-PARTS = ("names", "help", "settings", "robots", "exports", "rules", "pictures", "experiments")
+PARTS = ("names", "help", "settings", "robots", "exports", "rules", "runs", "pictures", "experiments")
 
 SAME_EVERYWHERE: Mapping[str, str] = {
     "ADAPTCTL_PROCESSOR": "sse2",
@@ -326,6 +326,12 @@ def rules() -> dict[str, Any]:
     return rules()
 
 
+def runs() -> dict[str, Any]:
+    from golden.runs import runs
+
+    return runs()
+
+
 # Experiments
 
 
@@ -359,7 +365,7 @@ def flattened(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
 def parts(asked: list[str]) -> Iterator[tuple[Path, Callable[[], Any]]]:
     """Files, and what says now what they ought to keep."""
     single = {"names": names, "help": helps, "settings": settings, "robots": robots, "exports": exports}
-    single |= {"pictures": pictures, "rules": rules}
+    single |= {"pictures": pictures, "rules": rules, "runs": runs}
     for part in asked:
         if part in single:
             yield HERE / f"{part}.json", single[part]
