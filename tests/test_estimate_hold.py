@@ -23,6 +23,7 @@ from adaptctl.control import (
     sampling_ratio,
 )
 from adaptctl.control.adaptation.prior_ranges import PriorRanges, parameter_sampling_ratios
+from adaptctl.control.gains.adaptation_ratio import stable_adaptation_below
 from adaptctl.control.gains.workspace import everywhere
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import GainError, StabilityWarning
@@ -125,6 +126,38 @@ def test_ranges_are_held_to_what_a_delay_leaves(delay: int) -> None:
     u = parameter_sampling_ratios(model, slow.bandwidth, PERIOD)
     lightest = model.names.index("link6.I_zz")
     assert held[lightest] == pytest.approx(0.6 * (0.2 * (limit - h) / u[lightest]) ** 2)
+
+
+@given(delay=st.integers(1, 5), held=st.floats(0.02, 0.95))
+def test_late_torques_are_stable_up_to_an_adaptation_ratio_and_not_beyond(delay: int, held: float) -> None:
+    """One joint, whose sliding variable and torque error are advanced tick by tick."""
+    h = held * 2.0 * np.sin(np.pi / (4 * delay + 2))
+    limit = stable_adaptation_below(h, delay)
+
+    def largest_pole(a: float) -> float:
+        loop = np.eye(delay + 2, k=-1)  # s now, torques on the way, and the torque error
+        loop[0], loop[1], loop[-1] = np.eye(delay + 2)[0], 0.0, 0.0
+        loop[0, delay] += 1.0
+        loop[1, 0], loop[1, -1] = -h, 1.0
+        loop[-1] = np.eye(delay + 2)[-1] - a * h * loop[0]
+        return float(np.abs(np.linalg.eigvals(loop)).max())
+
+    assert largest_pole(0.98 * limit) < 1.0 < largest_pole(1.02 * limit)
+
+
+@pytest.mark.parametrize("delay", [1, 2])
+def test_a_gain_is_lowered_to_half_of_what_a_delay_leaves_at_rest(delay: int) -> None:
+    model, gains = wrist()
+    slow = Gains(gains.bandwidth, 0.3 * gains.damping)
+    high, higher = (
+        adaptation_gain(model, gain_scale=scale, gains=slow, control_period=PERIOD, delay=delay) for scale in (60, 600)
+    )
+    np.testing.assert_allclose(high, higher)
+    p = everywhere(model.mechanism).samples
+    Y = model.torque_regressor(p, 0.0 * p, 0.0 * p)
+    largest = PERIOD * max(np.linalg.eigvals(y * high @ y.T / slow.damping[:, None]).real.max() for y in Y)
+    h = sampling_ratio(model.mechanism, slow.damping, PERIOD, slow.bandwidth).value
+    assert largest == pytest.approx(0.5 * stable_adaptation_below(h, delay))
 
 
 def test_gains_that_a_delay_makes_unstable_are_refused_with_the_most_that_holds() -> None:

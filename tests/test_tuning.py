@@ -12,6 +12,7 @@ from nightly import at_night, nightly
 
 from adaptctl.cli.main import main
 from adaptctl.control import Sinusoids
+from adaptctl.control.gains.adaptation_ratio import adaptation_ratio
 from adaptctl.control.gains.gains import finite_torque_limits
 from adaptctl.control.gains.sampling_ratio import sampling_ratios
 from adaptctl.description.drive import Drive
@@ -22,7 +23,7 @@ from adaptctl.simulation import LinearlyImplicitEuler, Plant, simulate_many
 from adaptctl.simulation.closed_loop import ClosedLoop
 from adaptctl.simulation.effects.actuators import ControlDelay
 from adaptctl.tuning import Tuning, tune
-from adaptctl.tuning.default_gains import DefaultGains, achieved_adaptation_ratio
+from adaptctl.tuning.default_gains import DefaultGains
 from adaptctl.tuning.feasible_gains import feasible_gains
 from adaptctl.tuning.feasible_reference import judged_reference
 from adaptctl.tuning.trial_runs import RECORD_INTERVAL
@@ -100,7 +101,7 @@ def test_adaptation_gains_have_the_number_that_is_asked(tuned: Tuning, shares: s
     products = (Y * found.gain) @ np.swapaxes(Y, -1, -2)
     exact = PERIOD * np.linalg.eigvals(products / K[:, None]).real.max()
     assert exact == pytest.approx(0.3, rel=1e-9)
-    assert achieved_adaptation_ratio(Y, K, found.gain, PERIOD) == pytest.approx(0.3, rel=1e-9)
+    assert adaptation_ratio(Y, K, found.gain, PERIOD) == pytest.approx(0.3, rel=1e-9)
     assert np.all(found.gain > 0.0)
 
 
@@ -154,7 +155,7 @@ def test_ratios_are_told_of_positions_to_which_no_gain_was_fitted(tuned: Tuning)
     error = tuned.initial_error * rng.choice([-1.0, 1.0], points.p.shape)
     v_r, a_r = points.v - gains.bandwidth * error, points.a + gains.bandwidth**2 * error
     Y = PUMA.slotine_li_regressor(points.p + error, points.v, v_r, a_r)
-    fresh = achieved_adaptation_ratio(Y, gains.damping, tuned.adaptation, PERIOD)
+    fresh = adaptation_ratio(Y, gains.damping, tuned.adaptation, PERIOD)
     assert tuned.adaptation_ratio > 1.02 * 0.5  # more than where it was fitted
     assert 0.95 * tuned.adaptation_ratio < fresh < 1.05 * tuned.adaptation_ratio
     margin = rng.uniform(-0.2, 0.2, points.p.shape)

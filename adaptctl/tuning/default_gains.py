@@ -13,6 +13,7 @@ from adaptctl.arrays import Array, per_joint, positive_number, positive_period, 
 from adaptctl.caching import cached_property
 from adaptctl.control import PriorRanges, typical_inertia
 from adaptctl.control.controller import Reference, ReferencePoint
+from adaptctl.control.gains.adaptation_ratio import adaptation_ratio
 from adaptctl.control.gains.gains import finite_torque_limits
 from adaptctl.control.gains.workspace import Workspace, reachable
 from adaptctl.description import GROUND
@@ -125,7 +126,7 @@ class DefaultGains:
         regressor = _regressor(mechanism, points, errors, rates)
         return (
             achieved_sampling_ratio(mechanism, postures, damping, self.control_period),
-            achieved_adaptation_ratio(regressor, damping, proposal.gain, self.control_period),
+            adaptation_ratio(regressor, damping, proposal.gain, self.control_period),
         )
 
 
@@ -183,12 +184,6 @@ def prior_ranges(mechanism: Mechanism, heaviest: float = MAX_MASS_RANGE) -> Arra
     return np.concatenate([by_owner[name.rpartition(".")[0]].for_parameters((name,)) for name in names])
 
 
-def achieved_adaptation_ratio(regressor: Array, damping: Array, gain: Array, control_period: float) -> float:
-    """Greatest T lambda_max(K^-1 Y Gamma Y')."""
-    scaled = regressor * np.sqrt(gain) / np.sqrt(damping)[:, None]
-    return control_period * float(np.linalg.eigvalsh(scaled @ np.swapaxes(scaled, -1, -2))[:, -1].max())
-
-
 def feasible_gain(
     mechanism: Mechanism,
     regressor: Array,
@@ -206,17 +201,15 @@ def feasible_gain(
         gain = _each_parameter(mechanism, regressor, damping, gain)
     elif shares == "mixed":
         parts = gain, _each_link(mechanism, regressor, damping, gain, control_period)
-        gain = np.sum(
-            [part / achieved_adaptation_ratio(regressor, damping, part, control_period) for part in parts], axis=0
-        )
-    return gain * number / achieved_adaptation_ratio(regressor, damping, gain, control_period)
+        gain = np.sum([part / adaptation_ratio(regressor, damping, part, control_period) for part in parts], axis=0)
+    return gain * number / adaptation_ratio(regressor, damping, gain, control_period)
 
 
 def _each_link(mechanism: Mechanism, regressor: Array, damping: Array, gain: Array, control_period: float) -> Array:
     """Gain with the same ratio of each link and drive."""
     found = gain.copy()
     for group in _groups(mechanism):
-        number = achieved_adaptation_ratio(regressor[..., group], damping, gain[group], control_period)
+        number = adaptation_ratio(regressor[..., group], damping, gain[group], control_period)
         found[group] = gain[group] / number if number > 0.0 else 0.0
     return _positive(found)
 

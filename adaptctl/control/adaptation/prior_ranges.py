@@ -20,6 +20,7 @@ from adaptctl.arrays import (
 )
 from adaptctl.control.adaptation.gradient import checked_gain
 from adaptctl.control.adaptation.late_torques import MAX_DELAY
+from adaptctl.control.gains.adaptation_ratio import adaptation_ratio, stable_adaptation_below
 from adaptctl.control.gains.gains import Gains
 from adaptctl.control.gains.sampling_ratio import sampling_ratio, stable_below
 from adaptctl.control.gains.workspace import Workspace, workspace_of
@@ -159,6 +160,7 @@ def _largest_distance(gamma: Array, bound: Array) -> float:
 
 
 SAMPLING_RATIO_SHARE = 0.2  # for each parameter, of what the gains leave below the limit of stability
+ADAPTATION_RATIO_SHARE = 0.5  # at rest under gravity, of the limit with late torques
 RANGE_OF_KIND = {
     "m": "mass",
     **dict.fromkeys(("mc_x", "mc_y", "mc_z"), "first_moment"),
@@ -261,7 +263,8 @@ def adaptation_gain(
         Factor in 1/J of the squared ranges: an error of a whole range counts 1/(2 gain_scale) J, for every parameter.
     gains : Gains, optional
         Gains of the control law. With them ranges are limited to 0.2 (2 sin(pi/(4 d + 2)) - h)/u, delay d, h the
-        sampling ratio and u that of `parameter_sampling_ratios`, so that a light wrist does not ring.
+        sampling ratio and u that of `parameter_sampling_ratios`, so that a light wrist does not ring. With a delay, the
+        adaptation ratio T lambda_max(K^-1 Y Gamma Y') at rest is limited to half of what is then stable.
     control_period : float, default 0.001
         Time in s for which a torque is held. 1 kHz is the rate of most torque interfaces.
     workspace : Workspace, optional
@@ -294,7 +297,13 @@ def adaptation_gain(
         left = _left_by(gains, model.mechanism, control_period, workspace, delay)
         caused = parameter_sampling_ratios(model, gains.bandwidth, control_period, workspace)
         reach = np.minimum(reach, SAMPLING_RATIO_SHARE * left / np.maximum(caused, np.finfo(float).tiny))
-    return np.asarray(positive_number(gain_scale, "adaptation gain: gain_scale: expected a positive number") * reach**2)
+    gain = positive_number(gain_scale, "adaptation gain: gain_scale: expected a positive number") * reach**2
+    if gains is None or not delay:
+        return gain
+    p = workspace_of(model.mechanism, workspace).samples
+    at_rest = model.torque_regressor(p, np.zeros_like(p), np.zeros_like(p))
+    most = ADAPTATION_RATIO_SHARE * stable_adaptation_below(stable_below(delay) - left, delay)
+    return gain * most / max(most, adaptation_ratio(at_rest, gains.damping, gain, control_period))
 
 
 def _left_by(gains: Gains, arm: Mechanism, control_period: float, workspace: Workspace | None, delay: int) -> float:
