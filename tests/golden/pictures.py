@@ -13,12 +13,14 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from golden.scenes import scene, sheet
 
 DIGITS = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 CURVE, SHAPE = ("color", "linestyle", "linewidth", "marker", "markersize"), ("facecolor", "edgecolor", "linewidth")
 WORDS = ("position", "color", "size", "ha", "va", "rotation", "weight")
 PROPERTIES = {"Line2D": CURVE, "Text": WORDS, "Polygon": SHAPE, "Rectangle": SHAPE, "AxesImage": ("clim", "extent")}
-OF_AXES = ("xlim", "ylim", "xscale", "yscale", "aspect", "visible")
+OF_AXES = ("xlim", "ylim", "xscale", "yscale", "aspect", "visible", "position")
+ANCHORS = {"start": "0", "middle": "1", "end": "2"}
 UNTOLD = re.compile(
     r"^rerun\.|^log_t|^blueprint$|sha256|start_time|version|media_type|:(names?|contents|query|display_name)$|"
     r":(root_container|active_tab|space_origin)$"
@@ -103,8 +105,14 @@ def of_svg(source: str) -> dict[str, list[str]]:
     for tag, attributes, inside in re.findall(r"<(\w+)([^>]*)>([^<]*)", source):
         pairs = [*re.findall(r'([\w-]+)="([^"]*)"', attributes), ("inside", inside)]
         for name, content in pairs:
-            found.setdefault(f"{tag} {name}", []).extend(DIGITS.findall(content) or [content] * name.startswith("fill"))
+            found.setdefault(f"{tag} {name}", []).extend(numbers_of(name, content))
     return {name: summary(parts) for name, parts in found.items() if parts}
+
+
+def numbers_of(name: str, content: str) -> list[str]:
+    if name == "text-anchor":
+        return [ANCHORS[content]]
+    return DIGITS.findall(content) or [content] * name.startswith("fill")
 
 
 def summary(parts: list[str]) -> list[str]:
@@ -118,13 +126,15 @@ def recorded(path: Path) -> dict[str, list[str]]:
 
     reader = RrdReader(path)
     found: dict[str, list[str]] = {}
-    for chunk in [*reader.stream(), *reader.store(store=reader.blueprints()[0]).stream()]:
+    stores = [reader, *(reader.store(store=own) for own in reader.blueprints()[:1])]
+    for chunk in (one for store in stores for one in store.stream()):
         batch = chunk.to_record_batch()
         for name in batch.schema.names:
             if not UNTOLD.search(name):
                 numbers = list(flat(batch[name].to_pylist()))
                 entity = NAMED_AT_RANDOM.sub("*", str(chunk.entity_path))
-                found.setdefault(f"{entity} {name}", []).append(f"{batch.num_rows} {told(numbers)}")
+                rows = "static" if chunk.is_static else str(batch.num_rows)
+                found.setdefault(f"{entity} {name}", []).append(f"{rows} {told(numbers)}")
     return {name: sorted(own) for name, own in sorted(found.items())}
 
 
@@ -149,12 +159,15 @@ def flat(values: Any) -> Iterator[float]:
 
 
 def figures() -> Iterator[tuple[str, Any]]:
-    """Figures that are drawn by Matplotlib alone."""
+    """Figures that are drawn by Matplotlib alone, and one that is SVG as well."""
+    from adaptctl.recording.figures import parameters
+
     yield from contests()
     yield from maps()
     yield from printed()
     yield from designs()
     yield "rollout", compared().subject.rollout._figure()
+    yield "parameters", parameters(compared())
 
 
 def contests() -> Iterator[tuple[str, Any]]:
@@ -212,6 +225,7 @@ def sheets() -> Iterator[tuple[str, str]]:
     draws |= {"friction": partial(friction_curves, rubbing(), {"shoulder.viscous": 1.5, "elbow.coulomb": 0.4}, v, 0.2)}
     draws |= {name: partial(getattr(report, name), identified()) for name in ("_torques", "_residuals", "_excitation")}
     yield from ((name, Drawing(name, "", draw, plain=True).svg()) for name, draw in draws.items())
+    yield "of everything", sheet()
 
 
 def trace(folder: str) -> Any:
@@ -288,6 +302,21 @@ def recordings() -> Iterator[tuple[str, Callable[[Path], object]]]:
     yield "design", lambda path: record(study, (), report(study), path, {})
     yield "driven design", lambda path: record(study, runs, report(study), path, {})
     yield "live view", live
+    yield "comparison of six", lambda path: write_recording(path, of_six())
+    yield "scene", scene
+
+
+def of_six() -> Any:
+    """A comparison of more runs than stand in a row, of a task, of which one is not finite from its middle on."""
+    from adaptctl.recording.comparison import TaskError
+
+    found = compared()
+    off = found.runs[1]
+    runs = (*found.runs, *(replace(off, name=f"more{k}", label=f"more {k}") for k in range(4)))
+    p = np.where(np.arange(200)[:, None] < 100, off.rollout.p, np.nan)
+    runs = (*runs[:-1], replace(runs[-1], rollout=replace(off.rollout, p=p)))
+    errors = {run.name: np.linalg.norm(run.rollout.error, axis=1) for run in runs}
+    return replace(found, runs=runs, truth_known=False, task_error=TaskError("Error of the hand", "mm", errors))
 
 
 @cache
