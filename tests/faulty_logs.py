@@ -197,6 +197,10 @@ FAULTS: dict[str, tuple[Change, str]] = {
     "hung from the ceiling": (partial(pulled, gravity=(0.0, 0.0, 9.81)), r"gravity is along \(.*, 9.\d+\) m/s\^2"),
     "zero of a joint": (partial(moved, by=-0.6), "{two} is at (3[345].* deg|0\\.[56].* m) where its column has 0"),
     "scale of a torque": (partial(scaled, torque=0.05), r"column 'torque.{two}' is about 0.05\d* times the torque"),
+    "times of half the speed": (
+        lambda log: replace(log, time=2.0 * log.time),
+        r"true times are 0[.](49|5|51)\d* times the log's",
+    ),
     "mA for N m": (lambda log: replace(log, torque=1e4 * log.torque), "check the unit of torque"),
     "degrees for radians": (
         lambda log: replace(log, position=np.degrees(log.position)),

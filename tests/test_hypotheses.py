@@ -78,6 +78,7 @@ FAULTS: dict[str, tuple[Fault, str]] = {
     ),
     "gravity turned": (lambda log, case: pulled(log, case, [0.0, 0.0, 9.81]), "gravity is along .*9.8"),
     "gravity absent": (lambda log, case: pulled(log, case, [0.0, 0.0, 0.0]), "gravity-compensated"),
+    "scale of the times": (lambda log, _: replace(log, time=2.0 * log.time), "true times are 0[.](49|5|51)"),
     "scale of a torque": (
         lambda log, _: replace(log, torque=log.torque * [1, 0.02, 1]),
         "'tau.joint1' is about 0.0(19|2|21) ",

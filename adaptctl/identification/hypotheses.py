@@ -17,14 +17,14 @@ from adaptctl.identification.delay import Delay
 from adaptctl.identification.filtered_dynamics import SmoothMotion
 from adaptctl.identification.fit import LogEvidence
 from adaptctl.identification.hypothesis_rows import HypothesisRows, relative_error
-from adaptctl.identification.listed_hypotheses import Hypothesis, listed_hypotheses
+from adaptctl.identification.listed_hypotheses import MARGIN, Hypothesis, listed_hypotheses
 from adaptctl.identification.normal_equations import NormalEquations
 from adaptctl.identification.preparation import PreparationStep
 from adaptctl.stages import stage
 
-# Error as the log is over that of a hypothesis from which on this is named.
-# It is a mean of joints: a warning, of which a fault of one joint is enough, asks of more joints no more than of three.
-MARGIN, JOINTS = 1.5, 3
+# Errors are means of joints: a warning, of which a fault of one joint is enough, asks of more joints no more than of
+# three.
+JOINTS = 3
 # Error of another meaning over that of the log as it is, up to which the log does not tell the two apart.
 ALIKE = 1.05
 # Hypotheses, the best by least squares, of which the consistent estimate is made.
@@ -47,7 +47,8 @@ class TriedHypothesis(NamedTuple):
     is_bound : bool
         True if the error is that of least squares, below which the consistent estimate's cannot be.
     named : bool
-        True if this is the best of all, and the error of the log as it is exceeds this one's by half or more.
+        True if this is the best of all, and the error of the log as it is exceeds this one's by half or more; for the
+        scale of the times, which has a deviation of its own, by a tenth.
     """
 
     kind: str
@@ -103,7 +104,8 @@ def compared_hypotheses(
         f"{names}: {trial.words}: if so, the error of the consistent estimate falls from {error:.2%} to "
         f"{trial.error:.2%} of the torques; {hypothesis.remedy}{_or_else(found, found[best])}"
     )
-    return LogMeaning(tuple(tried), sentence, hypothesis.refuses, *rows.file_slopes(), alike)
+    refuses = hypothesis.refuses and MARGIN * trial.error <= error
+    return LogMeaning(tuple(tried), sentence, refuses, *rows.file_slopes(), alike)
 
 
 def validate_meaning(verdict: LogMeaning, trusted: bool, dead: Sequence[str] = ()) -> tuple[str, ...]:
@@ -180,4 +182,4 @@ def _tried(rows: HypothesisRows, delay: Delay, error: float, x_as_is: Array) -> 
 
 def _margin(hypothesis: Hypothesis, dof: int) -> float:
     """Error as the log is over that of a hypothesis from which on this is named."""
-    return MARGIN if hypothesis.refuses else MARGIN ** min(1.0, JOINTS / dof)
+    return hypothesis.margin if hypothesis.refuses else hypothesis.margin ** min(1.0, JOINTS / dof)

@@ -17,8 +17,12 @@ from adaptctl.identification.delay import Delay
 from adaptctl.identification.hypothesis_rows import HypothesisRows, MotionProducts, relative_error
 from adaptctl.identification.momentum_balance import PackedRegressor
 from adaptctl.identification.normal_equations import NormalEquations
+from adaptctl.identification.time_scale import ScaledTimes
 from adaptctl.logs.units import POSITION
 
+# Error as the log is over that of a hypothesis from which on this is named and, if it refuses, the log is refused; and
+# from which on one is named that tells by itself that it is beyond doubt.
+MARGIN, LEAST_MARGIN = 1.5, 1.1
 # Factor of one torque from which on it is no calibration; octaves that are tried, and steps of the search in one.
 LEAST_SCALE, OCTAVES, SCALE_STEPS = 2.0, 10, 8
 # m/s^2, for a file without gravity; rounds of the search for a tilt.
@@ -41,6 +45,7 @@ class Hypothesis:
     remedy: str
     equations: Callable[[], NormalEquations]
     refuses: bool = True
+    margin: float = MARGIN
     holds: Callable[[Array], bool] = lambda x: True
     told: Callable[[Array], str] = lambda x: ""
 
@@ -226,6 +231,17 @@ def _gravities(rows: HypothesisRows) -> Iterator[Hypothesis]:
             "the torques are without gravity's: the log is of a gravity-compensated torque, or of no gravity",
             "add the torque that compensates gravity, or give the robot file a gravity of 0",
             partial(rows.sums, pull.none, rows.rows.torque),
+        )
+        times = ScaledTimes.of(rows, lambda multiple: pull.by(multiple * file))
+        scale = times.best()
+        yield Hypothesis(
+            "scale of the times",
+            scale.words,
+            f"check column {rows.evidence.drives.time!r} or the sample rate; if right, check the lengths in the robot "
+            "file, and that the log is this robot's",
+            partial(times.equations, scale.value),
+            holds=lambda x: scale.counts,
+            margin=LEAST_MARGIN,
         )
 
 

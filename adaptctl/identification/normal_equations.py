@@ -56,7 +56,11 @@ class NormalEquations:
         """Normal equations of one block: the sums over some blocks."""
         chosen = np.zeros(len(self.count))
         chosen[np.asarray(blocks, dtype=np.int64)] = 1.0
-        return NormalEquations(*(np.tensordot(chosen, part, 1)[None] for part in self._parts))
+        return self.weighted(chosen)
+
+    def weighted(self, weights: Array) -> NormalEquations:
+        """Normal equations of one block: the sums over all, each times its weight (B,)."""
+        return NormalEquations(*(np.tensordot(weights, part, 1)[None] for part in self._parts))
 
     @property
     def whole(self) -> NormalEquations:
