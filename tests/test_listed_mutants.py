@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import ast
-from fnmatch import fnmatch
 from pathlib import Path
 
-import pytest
 from alike_mutants import ALIKE
 from listed_mutants import LISTED
 from mutant_sites import sites
-from mutants import TOPS
 
 ROOT = Path(__file__).parent.parent
 
@@ -30,11 +27,3 @@ def test_each_listed_change_has_one_place_and_tests_that_are_there() -> None:
 def test_each_change_that_means_the_same_is_one_of_the_code() -> None:
     known = {mutant.key for path in {key.partition("::")[0] for key in ALIKE} for mutant in sites(path)}
     assert set(ALIKE) <= known
-
-
-def test_pytest_takes_no_module_of_the_library_for_a_test(pytestconfig: pytest.Config) -> None:
-    """It would load that one itself, and a change of it in memory would be no change."""
-    patterns = pytestconfig.getini("python_files")
-    modules = [path.name for top in TOPS for path in (ROOT / top).rglob("*.py")]
-    assert "payload_test.py" in modules
-    assert not [name for name in modules for pattern in patterns if fnmatch(name, pattern)]
