@@ -162,7 +162,7 @@ def predicted_error(evidence: LogEvidence, settings: FitSettings) -> float:
 def _near(evidence: LogEvidence, tried: Sequence[FitSettings]) -> list[FitSettings]:
     """Settings whose fit has at most 3 % more misfit than least squares, or than the lightest prior."""
     every = range(evidence.blocks)
-    ratios = [_tried(lambda s: misfit_ratio(evidence, evidence.fit(s, every)), s) for s in tried]
+    ratios = _each(lambda s: misfit_ratio(evidence, evidence.fit(s, every)), tried)
     most = MAX_MISFIT_RATIO * max(1.0, min(ratios) if min(ratios) > MAX_MISFIT_RATIO else 1.0)
     return [s for s, ratio in zip(tried, ratios, strict=True) if ratio <= most] or [tried[0]]
 
@@ -174,6 +174,11 @@ def misfit_ratio(evidence: LogEvidence, fit: Fit) -> float:
     least, _ = weighted_least_squares(equations, evidence.independent(settings))
     weight = 1.0 / fit.deviations**2
     return float(np.sqrt((equations.misfit(fit.x) @ weight) / (equations.misfit(least) @ weight)))
+
+
+def _each(score: Callable[[FitSettings], float], tried: Sequence[FitSettings]) -> list[float]:
+    """Scores of candidates, the last first: fits with light priors begin where those with heavier ones ended."""
+    return [_tried(score, s) for s in reversed(tried)][::-1]
 
 
 def _tried(score: Callable[[FitSettings], float], settings: FitSettings) -> float:
@@ -199,7 +204,7 @@ class _Selection:
         better: float = MIN_IMPROVEMENT,
     ) -> FitSettings:
         """Settings that predict best, an earlier one unless a later one is better by a share."""
-        scores = [_tried(partial(predicted_error, self.evidence), s) for s in tried]
+        scores = _each(partial(predicted_error, self.evidence), tried)
         best = 0
         for i, score in enumerate(scores):
             if score < (1.0 - better) * scores[best]:

@@ -30,16 +30,16 @@ FROM_DIRECTIONS = np.linalg.inv(np.einsum("aij,kij->ak", DIRECTIONS, UNIT_PSEUDO
 EYE, FLAT = np.eye(4), DIRECTIONS.reshape(10, 16)
 # Logarithm of a factor on the prior's links from which on a search may begin there too, as of logs in another unit.
 FAR = np.log(30.0)
-# Steps at most of a search from a start, and of another; share of the way to the cone's edge that one takes; and share
-# of the multipliers at the start of those that balance the data there.
+# Steps at most of a search from a start until its slope is small, and of any; share of the way to the cone's edge that
+# one takes; and share of the multipliers at the start of those that balance the data there.
 MAX_WARM_STEPS, MAX_STEPS, EDGE_SHARE, FIRST_SHARE = 15, 60, 0.95, 0.1
 # Relative error of P Z and of the slope at which the search ends, that from which on it is near its end, and steps
 # there without half as large an error after which round-off is all that is left, as it is where the objective would
 # fall by no more than a share of the squares.
 ERROR, NEAR_END, IDLE_STEPS, LEAST_FALL = 1e-8, 0.1, 4, 1e-14
 # Error of the slope below which the corrector is weighed by the square of the predictor's share, and share of a step
-# above it below which one that only centers is tried, on some times the mean of P Z: else some searches go round for
-# ever. Those that still do begin again with all correctors weighed so, unless the residual is less than a bound.
+# below which one that only centers is tried, on some times the mean of P Z: else some searches go round for ever. Those
+# that still do begin again with all correctors weighed so, unless the residual is less than a bound.
 SMALL_SLOPE, SHORT, CENTER, ENOUGH = 10.0, 0.5, 3.0, 1e-3
 # Sum of the divergence's weights relative to the squares below which it is lost in round-off, and taken to be so large.
 LEAST_WEIGHT = 1e-13
@@ -70,8 +70,8 @@ def _estimate(problem: _Problem, start: Array | None) -> Array:
     others = [(x, False, slope) for slope in (SMALL_SLOPE, np.inf) for x in starts]
     for begun, near, slope in (*first, *others):
         with suppress(np.linalg.LinAlgError):
-            steps = MAX_WARM_STEPS if near else MAX_STEPS
-            point, converged = _searched(problem, problem.start(begun, near), steps, slope)
+            most = MAX_WARM_STEPS if near else MAX_STEPS
+            point, converged = _searched(problem, problem.start(begun, near), most, slope)
             found.append(point)
             if converged or (not near and problem.residual(point.x) < ENOUGH):
                 return _inside(point.x, prior)
@@ -86,12 +86,14 @@ def _multiple(A: Array, b: Array, prior: EntropicPrior) -> list[Array]:
     return [np.where(links, times * x, x)] if times > 0.0 and abs(np.log(times)) > FAR else []
 
 
-def _searched(problem: _Problem, point: _Point, steps: int, small_slope: float) -> tuple[_Point, bool]:
+def _searched(problem: _Problem, point: _Point, most: int, small_slope: float) -> tuple[_Point, bool]:
     """Point at which a search ends, and whether its error is that of round-off."""
     best, idle = np.inf, 0
-    for _ in range(steps):
+    for k in range(MAX_STEPS):
         newton = _Newton(problem, point)
         error = newton.error
+        if k >= most and newton.slope_error > small_slope:
+            break
         idle = idle + 1 if 0.5 * best < error < NEAR_END else 0
         best = min(best, error)
         if error < ERROR or idle == IDLE_STEPS or newton.fall < LEAST_FALL:
@@ -252,8 +254,9 @@ class _Newton:
     def fall(self) -> float:
         """Most by which the objective would fall, by the slope and by P Z, relative to the fitted squares."""
         problem, slope = self.problem, self.slope
-        gap = self.times * float(problem.degrees @ np.abs(self.ratios - 1.0))
-        return (gap + 0.5 * float(slope @ self.solver(slope))) / (abs(float(problem.b @ self.point.x)) + problem.weight)
+        size = abs(float(problem.b @ self.point.x)) + problem.weight
+        gap = self.times * float(problem.degrees @ np.abs(self.ratios - 1.0)) / size
+        return gap if gap > LEAST_FALL else gap + 0.5 * float(slope @ self.solver(slope)) / size
 
     @cached_property
     def solver(self) -> Callable[[Array], Array]:
@@ -304,7 +307,7 @@ class _Newton:
         bent = share**2 if near else 1.0
         steps = self.step(target, 0.5 * bent * (S @ T + T @ S), bent * s * t)
         taken = self.share(steps, EDGE_SHARE)
-        if not near and taken < SHORT:
+        if taken < SHORT:
             centering = self.step(CENTER * self.spread)
             if (other := self.share(centering, EDGE_SHARE)) > taken:
                 return self.moved(*centering, other)

@@ -27,7 +27,7 @@ from adaptctl.identification.preparation import PreparedLog
 # Sums over blocks that are kept: those of five folds, their rests, and of all.
 SUMS_KEPT = 12
 # Factor of the prior's weight up to which a fit is near another one.
-NEAR = 8.0
+NEAR = 12.0
 # Rough size of a rotor's inertia over the links' mean moment.
 ROTOR_INERTIA_SHARE = 0.1
 # Mean torque of the file's links over the log's from which on a joint is named, if it is above all of the log's too, as
@@ -80,13 +80,6 @@ class Fit:
     def residual(self) -> float:
         """Optimality residual of the parameters."""
         return optimality_residual(self.curvature, self.moment, self.prior, self.settings.weight, self.x)
-
-
-class _End(NamedTuple):
-    """Parameters (P,) of a fit, and the weight of its prior."""
-
-    x: Array
-    weight: float
 
 
 class RowsPart(NamedTuple):
@@ -217,19 +210,23 @@ class LogEvidence:
         return np.array([*(c for c in self.basis.columns if mask[c]), *others])
 
     def fit(self, settings: FitSettings, blocks: Sequence[int]) -> Fit:
-        """Consistent fit to some blocks, started where the last one on the same blocks ended, if not far from it."""
+        """Consistent fit to some blocks, started where one with a prior of about the same weight ended."""
         key = tuple(blocks)
         if (settings, key) not in self._fits:
-            last = self._ends.get(key, self._ends.get(()))
-            near = last is not None and max(last.weight / settings.weight, settings.weight / last.weight) <= NEAR
-            found = self.fitted(self.equations(settings, blocks), settings, last.x if last and near else None)
-            self._ends[key] = self._ends[()] = _End(found.x, settings.weight)
+            found = self.fitted(self.equations(settings, blocks), settings, self._nearest(key, settings.weight))
+            self._ends[key, settings.weight] = found.x
             self._fits[settings, key] = found
         return self._fits[settings, key]
 
+    def _nearest(self, blocks: tuple[int, ...], weight: float) -> Array | None:
+        """End (P,) of a fit near one on some blocks, if any is: on the same ones first, then of the nearest weight."""
+        far = {end: (end[0] != blocks, abs(np.log(end[1] / weight))) for end in self._ends}
+        near = [end for end, (_, ratio) in far.items() if ratio <= np.log(NEAR)]
+        return self._ends[min(near, key=far.__getitem__)] if near else None
+
     @cached_property
-    def _ends(self) -> dict[tuple[int, ...], _End]:
-        """Ends of the last fits by their blocks, and of the last of all by ()."""
+    def _ends(self) -> dict[tuple[tuple[int, ...], float], Array]:
+        """Ends (P,) of the last fits by their blocks and weights of the prior."""
         return {}
 
     @cached_property

@@ -193,6 +193,8 @@ def _zero(rows: HypothesisRows, joint: Array) -> float:
         column = (near.torques(x) - Y.torques(x))[..., None] / ZERO_STEP
         x, _ = rows.least(rows.sums(Y.beside(column), torque))
         shift += float(np.clip(x[-1], -0.5, 0.5))
+        if abs(x[-1]) < ZERO_STEP:
+            break
     return shift
 
 
