@@ -30,8 +30,9 @@ from adaptctl.experiments.contest import (
 from adaptctl.experiments.experiment import setting
 from adaptctl.experiments.puma560_adaptive import FROM_NOTHING, from_nothing, one_controller
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
-from adaptctl.recording import ControllerRun, Finding, Setting
+from adaptctl.recording import Comparison, ControllerRun, Finding, Progress, Setting
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant, as_mujoco, clear_of_contacts
+from adaptctl.simulation.repeated_runs import kept_runs
 from adaptctl.tuning import Tuning, learning_law, tune
 from adaptctl.tuning.feasible_gains import MAX_INITIAL_ERROR
 from adaptctl.tuning.feasible_reference import motion_ranges
@@ -111,6 +112,11 @@ class AdaptiveTracking(FromFile):
     def is_scene(self) -> bool:
         """True for an MJCF file."""
         return Path(self.robot).suffix.lower() in (".xml", ".mjcf")
+
+    def compare(self, progress: Progress) -> Comparison:
+        """Comparison of all controllers, as data; the runs that judged the gains are not computed twice."""
+        with kept_runs():
+            return super().compare(progress)
 
     def mechanism(self) -> Mechanism:
         """Arm from `robot`, in MuJoCo's plant as MuJoCo reads it."""

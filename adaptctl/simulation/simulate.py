@@ -17,6 +17,7 @@ from adaptctl.errors import NonFiniteError, NotCompiledWarning, warn
 from adaptctl.simulation.closed_loop import ClosedLoop, Driven, Episode, Sample, not_compiled
 from adaptctl.simulation.period import PlantState
 from adaptctl.simulation.references import REFERENCE, sampled
+from adaptctl.simulation.repeated_runs import is_kept, repeated
 from adaptctl.simulation.rollout import KeptSamples, interface, known_steps, stepped, warn_if_ended_early
 from adaptctl.simulation.rollout_file import STORED_ENTRIES, RolloutFile
 from adaptctl.simulation.run import Rollout
@@ -198,10 +199,12 @@ class EpisodeRun(Driven):
         self._count, self.clips, self.terminated = 0, 0, False
         self.place, self.end = self._place(), episode.state
         self.lost: float | None = None
+        self.earlier = 0.0  # computing time (s) of a run that is repeated
 
     def driven(self, progress: Callable[[float], object] | None = None) -> Rollout:
         """Run taken to its end, or to Ctrl-C."""
-        return self._result(*self.drive(progress))
+        seconds, complete = self.drive(progress)
+        return self._result(seconds + self.earlier, complete)
 
     @property
     def count(self) -> int:
@@ -296,7 +299,8 @@ class EpisodeRun(Driven):
 
     def _times(self) -> Array:
         """Times of the next chunk and its end."""
-        times = self.ahead(min(MAX_CHUNK, max(FIRST_CHUNK, 4 * self.count)))
+        kept = self.whole and is_kept(self.arms, self.steps)
+        times = self.ahead(self.steps if kept else min(MAX_CHUNK, max(FIRST_CHUNK, 4 * self.count)))
         return np.append(times, self.control_period * (self.count + len(times)))
 
     def _parameters(self, time: float) -> Array:
@@ -312,7 +316,11 @@ class EpisodeRun(Driven):
         rows, size = slice(self._first, self._first + count), self.loop.noise["noise"]
         if size:
             self.signals.shared.view("noise")[rows] = self.episode.rng.standard_normal((count, size))
-        self.arms.record_into(self.records, self._first, count, self.signals)
+        if run := repeated(self.arms, count, self.signals) if self.whole and count == self.steps else None:
+            self.records, self.earlier, self.arms.state.blocks[...] = run.outputs, run.seconds, run.last
+            self.recorded = Sample(*map(self.records.view, self.records.columns))
+        else:
+            self.arms.record_into(self.records, self._first, count, self.signals)
         return Sample(*(part[rows] for part in self.recorded))
 
     def _place(self) -> tuple[Array, Any]:

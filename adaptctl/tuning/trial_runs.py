@@ -14,7 +14,8 @@ from adaptctl.control.controller import GAINS, Controller, Reference
 from adaptctl.simulation import Plant
 from adaptctl.simulation.closed_loop import LATE, ClosedLoop, Sample
 from adaptctl.simulation.members import Noise, differing, gains_of, joined_gains
-from adaptctl.simulation.references import REFERENCE, sampled
+from adaptctl.simulation.references import sampled
+from adaptctl.simulation.repeated_runs import keeps, recorded
 
 RECORD_INTERVAL = 50  # control periods
 NUMBERS = 2_000_000  # recorded at once
@@ -51,10 +52,10 @@ def run_trials(
     steps = round(duration / plant.control_period)
     arms = _at_rest(plant, laws, first, parameters, noise, steps * len(laws) if once else math.inf)
     arms.held[LATE] = np.asarray(delayed, dtype=np.float64)[:, None]
-    recorded = sum(np.prod(shape) for shape in arms.stepper.outputs)
-    chunk = RECORD_INTERVAL * max(1, int(NUMBERS // (RECORD_INTERVAL * recorded * len(laws))))
+    numbers = sum(np.prod(shape) for shape in arms.stepper.outputs) * len(laws)
+    chunk = steps if keeps(arms) else RECORD_INTERVAL * max(1, int(NUMBERS // (RECORD_INTERVAL * numbers)))
     time = np.asarray(plant.control_period * np.arange(steps))
-    room = arms.allocate_outputs(min(chunk, steps))
+    room = arms.allocate_outputs(min(chunk, steps) + 1)
     parts = [_advanced(plant, arms, room, reference, time[k : k + chunk], noise) for k in range(0, steps, chunk)]
     p, error, applied, largest = zip(*parts, strict=True)
     samples = map(np.concatenate, (p, error, applied))
@@ -80,9 +81,10 @@ def _advanced(
     plant: Plant, arms: Ensemble, room: LaneArray, reference: Reference, time: Array, noise: Noise
 ) -> tuple[Array, ...]:
     """Samples of the control periods that begin at times (T,) in s, and errors' largest sizes."""
-    point = sampled(reference, time, plant.dof)
-    signals = {**dict(zip(REFERENCE, point, strict=True)), "noise": noise.drawn(len(time))[:, 0]}
-    arms.record_into(room, 0, len(time), signals)
+    signals, r = arms.signals(len(time)), plant.dof
+    point = sampled(reference, time, r, out=signals.shared.blocks[:, 0, : 3 * r, 0].reshape(-1, 3, r))
+    signals.shared["noise"] = noise.drawn(len(time))
+    recorded(arms, room, len(time), signals)
     shapes = {name: (len(room.blocks), room.members, n) for name, n in room.columns.items()}
     sample = Sample(*(room.view(name).reshape(shape)[: len(time)] for name, shape in shapes.items()))
     p, every = plant.positions(sample.q), slice(None, None, RECORD_INTERVAL)
