@@ -233,6 +233,10 @@ FAULTS: dict[str, tuple[Change, str]] = {
     ),
     "rows lost at even stamps": (lossy, "in [0-9]+ rows, the first row [0-9]+, .*, all joints move .* times as far"),
     "a copied column": (copied, "the torques of joints '{two}' and '{three}' are equal in all rows"),
+    "absolute values": (
+        partial(put, what="torque", rows=slice(None), value=np.abs),
+        r"torques fall to 0 and are never negative, of joints '{two}' \([0-9]+ times\)",
+    ),
     "a torque that drifts": (drifting, "most at {two}: check its columns|of {two}'s .* something changed"),
     "a spring": (sprung, "a spring is at {two}"),
     "a payload in one of two logs": (taken, "carries a body in .*second.csv"),

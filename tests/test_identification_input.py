@@ -150,7 +150,7 @@ BAD: dict[str, tuple[Spoil, str]] = {
     ),
     "noise for torque": (
         lambda log: log.update({f"motor_torque_{i}": 0.1 * np.random.default_rng(i).normal(size=2500) for i in MOTORS}),
-        "the equations of staubli_tx40 do not explain .* of the torques; check that the log is this robot's",
+        "the equations of staubli_tx40 do not explain .* of the torques; check .* this robot's, .* no velocities; with",
     ),
     "at rest": (at_rest, "the arm is at rest throughout"),
 }

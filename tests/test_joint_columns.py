@@ -49,12 +49,12 @@ def log_of(mechanism: Mechanism) -> LogTable:
         ((PRISMATIC,), "position", "deg", "unit of position: joint 'j0' slides: expected m or mm, got 'deg'"),
         ((PRISMATIC,), "velocity", "rpm", "unit of velocity: joint 'j0' slides: expected m/s or mm/s, got 'rpm'"),
         ((PRISMATIC,), "torque", "mNm", "unit of torque: joint 'j0' slides: expected N, got 'mNm'"),
-        ((REVOLUTE,), "position", "mm", "unit of position: joint 'j0' turns: expected rad, deg or rev, got 'mm'"),
-        ((REVOLUTE,), "position", "m", "unit of position: joint 'j0' turns: expected rad, deg or rev, got 'm'"),
+        ((REVOLUTE,), "position", "mm", "unit of position: joint 'j0' turns: expected rad, deg, rev or mrad, got 'mm'"),
+        ((REVOLUTE,), "position", "m", "unit of position: joint 'j0' turns: expected rad, deg, rev or mrad, got 'm'"),
         ((REVOLUTE,), "velocity", "m/s", "unit of velocity: joint 'j0' turns: expected rad/s, deg/s or rpm, got"),
         ((REVOLUTE,), "torque", "N", "unit of torque: joint 'j0' turns: expected N m or mN m, got 'N'"),
         ((REVOLUTE, PRISMATIC), "position", "deg", "unit of position: joint 'j1' slides: expected m or mm, got 'deg'"),
-        ((PRISMATIC, REVOLUTE), "position", "mm", "unit of position: joint 'j1' turns: expected rad, deg or rev, got"),
+        ((PRISMATIC, REVOLUTE), "position", "mm", "unit of position: joint 'j1' turns: expected rad, deg, rev or mrad, got"),
     ],
 )
 def test_units_of_other_joints_are_refused(kinds: tuple[JointKind, ...], what: str, unit: str, message: str) -> None:

@@ -60,6 +60,10 @@ FAULTS: dict[str, tuple[Callable[[JointLog], JointLog], str]] = {
         lambda log: replace(log, torque=put(log.torque, slice(None), 1, 1e-4 * np.sin(log.time))),
         "'joint1' is .* to within 0.0002: its sensor seems dead",
     ),
+    "absolute values": (
+        lambda log: replace(log, torque=np.abs(log.torque) * [1.0, 1.0, -1.0]),
+        r"torques fall to 0 and are never negative, of joints 'joint0' \(\d+ times\), 'joint1' \(\d+ times\): are",
+    ),
     "a slip": (
         lambda log: replace(log, position=log.position + np.outer(log.time >= 5.0, [0.0, 0.5, 0.0])),
         r"the position of joint 'joint1' steps by (0\.[45]|-0\.[45]).* in row 1001, at 5 s, and stays there: its ",
@@ -121,6 +125,23 @@ def test_joints_that_stand_still_in_all_logs_are_named(case: Known) -> None:
     (words,) = still_words(["joint1"])
     assert words.startswith("joint1 stands still: its friction and rotor inertia stay open")
     assert still_joints([held, case.log], case.guess) == []
+
+
+def test_a_log_in_which_no_joint_moves_far_is_refused(case: Known) -> None:
+    """Positions in m or rad that were taken for mm or mrad."""
+    small = replace(case.log, position=2e-3 * case.log.position / np.abs(case.log.position).max())
+    with pytest.raises(InputError, match=r"synthetic: no joint moves by 0.01 rad .* or more; check the unit"):
+        identified(case.guess, case.drives, [small])
+
+
+@pytest.mark.parametrize(("mean", "words"), [(0.0, r" \(all swing about 0, as velocities do\)"), (0.3, "")])
+def test_positions_that_explain_nothing_and_swing_about_zero_may_be_velocities(
+    case: Known, mean: float, words: str
+) -> None:
+    position = mean + case.log.position - case.log.position.mean(axis=0)
+    log = replace(case.log, position=position, torque=np.random.default_rng(0).normal(size=position.shape))
+    with pytest.raises(InputError, match=f"do not explain .* no velocities{words}; with noisy"):
+        identified(case.guess, case.drives, [log], trust_log=True)
 
 
 @pytest.mark.parametrize("drive", [Drive(viscous=0.7, coulomb=2.0), Drive()])

@@ -323,6 +323,20 @@ def test_turns_that_cannot_be_told_are_refused(tmp_path: Path) -> None:
         prepare(log, ARM, ("limits",))
 
 
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [
+        (1e3, r"leave out that row; it goes from -?\d+ to \d+ rad: give its unit, such as position=mrad$"),
+        (4096 / (2.0 * np.pi), "leave out that row; it has whole numbers, as counts are: give their unit, .*rev/4096$"),
+    ],
+)
+def test_turns_that_cannot_be_told_are_asked_for_their_unit(factor: float, words: str) -> None:
+    other = factor * Q
+    log = JointLog("log.csv", T, np.round(other) if factor < 1e3 else other, TAU)
+    with pytest.raises(InputError, match=words):
+        prepare(log, ARM, ("limits",))
+
+
 def test_lists_episodes_and_dates_of_parquet_are_read(tmp_path: Path) -> None:
     n = len(T) // 2
     columns = {

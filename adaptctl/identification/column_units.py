@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from adaptctl.errors import InputError
 from adaptctl.logs.units import OTHER_TORQUE, POSITION, TIME, TORQUE, VELOCITY, spaced
 
-TURNING = {"position": ("rad", "deg", "rev"), "velocity": ("rad/s", "deg/s", "rpm"), "torque": ("N m", "mN m")}
+TURNING = {"position": ("rad", "deg", "rev", "mrad"), "velocity": ("rad/s", "deg/s", "rpm"), "torque": ("N m", "mN m")}
 # Units of revolute and of prismatic joints.
 SLIDING = {"position": ("m", "mm"), "velocity": ("m/s", "mm/s"), "torque": ("N",)}
 

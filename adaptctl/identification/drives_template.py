@@ -17,7 +17,7 @@ HEAD = """\
 # Check every line. The columns are:
 # {columns}
 time = {time}
-# s, ms, us, ns; rad, deg, rev, m, mm, or counts as rev/4096; N m, mN m, N, or what is only proportional: A, mA, %, 1
+# s, ms, us, ns; rad, mrad, deg, rev, m, mm, or counts as rev/4096; N m, mN m, N, or in proportion: A, mA, %, 1
 units = {{ time = {time_unit}, position = {position_unit}, torque = {torque_unit} }}
 joints = [{joints}]
 # Row i: turns of motor i for one turn of each joint; 1 where the log has the joints' own positions and torques.

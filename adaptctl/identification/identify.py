@@ -272,6 +272,7 @@ def _of_checked(
     drives = whole.drives
     springs, mechanism = known_springs(mechanism, friction), with_springs(mechanism, friction)
     measured, steps, remarks = gathered(mechanism, drives, train, skip_steps, cutoff)
+    still = still_joints(train, mechanism)
     evidence, noisy = without_position_noise(measured, cutoff or measured.band, instrumental_variables)
     late = [] if test else list(range(round((1.0 - HELD_OUT_SHARE) * evidence.blocks), evidence.blocks))
     training = evidence.part([b for b in range(evidence.blocks) if b not in late])
@@ -286,7 +287,6 @@ def _of_checked(
     with told_first(doubts):
         validate_plausible(training, train[0].source, judged_at(training), spring_kinds(mechanism))
     training, judged, delayed, late_torques = without_delay(delay, training, judged, springs)
-    still = still_joints(train, mechanism)
     choice = choose(training, friction, prior_weight, cutoff, unmoved_terms(training.mechanism, still))
     with stage("fitting links and friction"):
         fit = training.fit(choice.settings, range(training.blocks))

@@ -38,6 +38,9 @@ SPIKE_SHARE, SPIKE_RATIO = 0.5, 12.0
 CLIPPED_RATIO, CLIPPED_SHARE, NEXT_VALUES = 6.0, 2e-3, 5
 # Seconds and samples of one torque, and times the usual run of one and the fifth longest, from where on it is frozen.
 FROZEN_TIME, FROZEN_SAMPLES, FROZEN_RATIO, FEWER_RATIO = 0.1, 20, 10.0, 4.0
+# Shares of a torque's maximum, below and above which it is clear whether it is at 0, and times that it falls to 0 and
+# keeps its sign from which on that was taken off.
+NEAR_ZERO, FROM_ZERO, FALLS = 0.03, 0.15, 5
 # Samples by which stretches of several joints differ that froze at once.
 AT_ONCE = 2
 # Range of torques over the largest of a robot's, below which it is dead, and share of rows with a value of their own
@@ -72,6 +75,7 @@ def checked_log(log: JointLog, mechanism: Mechanism) -> tuple[JointLog, list[Pre
     faults = list(_column_faults(position, torque, dead, joints))
     notes = [note for pair in zip(filled, faults, strict=True) for own in pair for note in own]
     notes += _frozen_words(log.time, position, torque, dead, joints)
+    notes += _absolute_words(torque, joints)
     notes += equal_columns("positions", position, joints)
     notes += equal_columns("torques", torque, joints)
     first = [own[:COMPARED] for own in position]
@@ -107,10 +111,15 @@ def told_first(faults: Sequence[str]) -> Iterator[None]:
 
 
 def still_joints(logs: Sequence[JointLog], mechanism: Mechanism) -> list[str]:
-    """Names of the joints that stand still in all logs."""
+    """Names of the joints that stand still in all logs; `InputError` where all do."""
     least, most = whole_ends([log.position for log in logs])
-    ranges = most - least
-    return [joint.name for joint, moved in zip(mechanism.primary_joints, ranges, strict=True) if moved < LEAST_JUMP]
+    moved = most - least
+    if moved.max() < LEAST_JUMP:
+        raise InputError(
+            f"{logs[0].source}: no joint moves by {LEAST_JUMP:g} rad (m) or more; check the unit of positions, and log "
+            "a motion of all joints"
+        )
+    return [joint.name for joint, way in zip(mechanism.primary_joints, moved, strict=True) if way < LEAST_JUMP]
 
 
 def dead_joints(logs: Sequence[JointLog], mechanism: Mechanism) -> list[str]:
@@ -205,6 +214,26 @@ def _clipped_words(torque: Array, joint: Joint) -> Iterator[str]:
             f"the torque of joint {joint.name!r} is clipped: {count} rows have exactly {value:.4g} "
             f"{joint.kind.effort_unit}; record a gentler motion, or leave these rows out"
         )
+
+
+def _absolute_words(torque: Sequence[Array], joints: Sequence[Joint]) -> Iterator[str]:
+    """Sentence on torques that fall to nearly 0 and rise again, often, and are never negative."""
+    falls = {joint.name: _falls(own) for own, joint in zip(torque, joints, strict=True)}
+    if found := [f"{name!r} ({count} times)" for name, count in falls.items() if count >= FALLS]:
+        yield (
+            f"torques fall to 0 and are never negative, of joints {', '.join(found)}: are they absolute values? Record "
+            "them with their signs"
+        )
+
+
+def _falls(torque: Array) -> int:
+    """Number of times that a torque falls to 0; none if it is ever negative."""
+    release()
+    most = float(torque.max())
+    if torque.min() < 0.0:
+        return 0
+    clear = torque[(torque < NEAR_ZERO * most) | (torque > FROM_ZERO * most)]
+    return int(np.count_nonzero(np.diff((clear > NEAR_ZERO * most).astype(np.int8)) < 0))
 
 
 def _frozen_words(

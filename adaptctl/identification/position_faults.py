@@ -22,6 +22,17 @@ COMPARED, EVEN = 2**17, 0.1
 # most, how far these are from 1, and the share and number of such rows.
 CLEAR, LEAST_JOINTS, ALIKE, ODD, ODD_SHARE, ODD_ROWS = 5.0, 2, 0.15, 0.4, 5e-4, 5
 
+# rad, beyond which angles that jump by full turns are in another unit: fifty turns.
+FAR = 100.0 * np.pi
+
+
+def other_unit(angles: Array) -> str:
+    """Words on the unit that angles (n,) in rad may have instead, none where rad are likely."""
+    if np.array_equal(angles, np.round(angles)):
+        return "; it has whole numbers, as counts are: give their unit, such as position=rev/4096"
+    reaches = f"; it goes from {angles.min():.4g} to {angles.max():.4g} rad: give its unit, such as position=mrad"
+    return reaches if np.ptp(angles) > FAR else ""
+
 
 def slips(values: Array, periods: Array, wrong: NDArray[np.bool_]) -> list[int]:
     """Rows to which a column steps, and stays there, where the rows around it move slowly."""

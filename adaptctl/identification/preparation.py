@@ -19,6 +19,7 @@ from adaptctl.identification.columns import JointLog
 from adaptctl.identification.convolution import convolved, windowed_sinc
 from adaptctl.identification.exchanged_columns import exchanged_words
 from adaptctl.identification.late_stamps import are_even
+from adaptctl.identification.position_faults import other_unit
 from adaptctl.logs.on_disk import each_column, of_columns, release, rowwise
 
 # Length of a kernel, in periods of its cut-off.
@@ -249,7 +250,7 @@ def _validate_small_steps(log: JointLog, position: Array, jumping: Sequence[int]
         raise InputError(
             f"{log.source}: joint {name!r} jumps by full turns, and at {log.time[row]:.6g} s by {size:.3g} rad "
             "besides, which may be more than half a turn: its turns cannot be told; record faster, log angles "
-            "that count turns, or leave out that row"
+            f"that count turns, or leave out that row{other_unit(log.position[:, j])}"
         )
 
 

@@ -193,9 +193,8 @@ def _drives_alone(evidence: LogEvidence, fit: Fit, blocks: Sequence[int], links:
     tens = evidence.prior.tens.ravel()
     known = np.zeros(len(b))
     known[: tens.size] = tens if links else 0.0
-    mask = fit.settings.columns(evidence.mechanism)
-    drives = np.array([c for c in np.flatnonzero(mask).tolist() if c >= tens.size])
-    return known + least_squares(A, b - A @ known, drives)
+    kept = np.flatnonzero(fit.settings.columns(evidence.mechanism))
+    return known + least_squares(A, b - A @ known, kept[kept >= tens.size])
 
 
 # Power of friction over the product of root mean square torque and speed, below which a sign must be wrong.
@@ -204,6 +203,8 @@ MIN_FRICTION_POWER = -0.3
 MIN_FRICTION_EFFECT = 1.5
 # Share of the torques that least squares may leave of its own rows.
 MAX_UNEXPLAINED_SHARE = 0.5
+# Mean of positions over their deviation, below which they swing about 0.
+ABOUT_ZERO = 0.1
 
 
 @stage("checking that the log is of this robot")
@@ -231,9 +232,16 @@ def validate_plausible(
         raise InputError(
             f"{source}: the equations of {evidence.mechanism.name} do not explain {left:.0%} of the torques; "
             f"check that the log is this robot's, transmission, units and columns, such as {motor.position!r} and "
-            f"{motor.torque!r}, of which most is left, and that positions are no velocities; with noisy encoders, add "
-            "--instrumental-variables"
+            f"{motor.torque!r}, of which most is left, and that positions are no velocities{_swing_words(evidence)}; "
+            "with noisy encoders, add --instrumental-variables"
         )
+
+
+def _swing_words(evidence: LogEvidence) -> str:
+    """Words on positions that all swing about 0."""
+    positions = np.concatenate([motion.position for motion in evidence.motions])
+    about = np.all(np.abs(positions.mean(axis=0)) < ABOUT_ZERO * positions.std(axis=0))
+    return " (all swing about 0, as velocities do)" if about else ""
 
 
 def _freely_fitted(
