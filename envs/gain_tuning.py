@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import gymnasium
@@ -38,14 +38,15 @@ class GainRange:
             raise NotFoundError(f"gains: expected at least one of {', '.join(controller.numbers) or '(none)'}")
         if positive_number(max_factor, "max_factor: expected a number above 1") <= 1.0:
             raise InputError(f"max_factor: expected a number above 1, got {max_factor}")
+        widest = cls(controller, chosen, 1.0 / max_factor, float(max_factor))
+        if widest._carried():
+            return widest
         low, high = 0.0, float(np.log(max_factor))
-        if not cls(controller, chosen, 1.0 / max_factor, float(max_factor))._carried():
-            for _ in range(HALVINGS):
-                middle = 0.5 * (low + high)
-                carried = cls(controller, chosen, 1.0 / max_factor, float(np.exp(middle)))._carried()
-                low, high = (middle, high) if carried else (low, middle)
-            high = low
-        return cls(controller, chosen, 1.0 / max_factor, float(np.exp(high)))
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            carried = replace(widest, highest=float(np.exp(middle)))._carried()
+            low, high = (middle, high) if carried else (low, middle)
+        return replace(widest, highest=float(np.exp(low)))
 
     @property
     def space(self) -> gymnasium.spaces.Box:

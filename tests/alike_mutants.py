@@ -91,6 +91,10 @@ ALIKE = {
     "adaptctl/recording/skeleton.py::Viewpoint.of 1 -> 2 (again 1)": "NumPy takes -2 for -1 in a shape",
     "adaptctl/recording/skeleton.py::Viewpoint.of 1 -> 2 (again 2)": "NumPy takes -2 for -1 in a shape",
     "adaptctl/recording/live.py::reachable 0.1 -> 0.2": "a viewer that starts is asked less often",
+    "envs/contact.py::beside 0 -> 1": "a ball has one size",
+    "envs/contact.py::beside 0 -> 1 (again 1)": "a ball has one size",
+    "envs/contact.py::beside 0 -> 1 (again 2)": "links have inertias of their own, beside which no shape's mass counts",
+    "envs/video.py::VideoRecorder._write False -> True": "clips of images have no sound to write",
     "adaptctl/sweeps/search.py::search 1e+300 -> 2e+300": "errors are below both, and runs that failed above them",
 }
 """Mutants that mean the same as the code, by their keys, and why no test can tell them from it."""

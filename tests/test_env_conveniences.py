@@ -75,6 +75,19 @@ def test_a_video_has_frames_in_real_time(
     assert sorted(path.name for path in (tmp_path / "new" / "videos").iterdir()) == ["episode-0.mp4", "episode-1.mp4"]
 
 
+def test_a_video_ends_where_an_episode_is_lost(
+    arm: adaptctl.Mechanism, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "moviepy", SimpleNamespace(ImageSequenceClip=Clip))  # type: ignore[arg-type]
+    monkeypatch.setattr(Clip, "made", [])
+    monkeypatch.setattr(TrackingEnv, "render", lambda self: np.zeros((48, 64, 3), dtype=np.uint8))
+    env = VideoRecorder(tracking(arm, "rgb_array"), tmp_path, frame_rate=1e3)
+    monkeypatch.setattr(TrackingEnv, "step", lambda self, action: (action, -1.0, True, False, {}))
+    env.reset(seed=0)
+    env.step(np.zeros(2))
+    assert [count for count, _ in Clip.made] == [2]
+
+
 @pytest.mark.parametrize(("rate", "steps"), [(25.0, [0, 4, 8, 12]), (50.0, [0, 2, 4, 6, 8, 10, 12]), (1e3, range(13))])
 def test_frames_are_of_the_first_state_and_each_that_is_due(
     arm: adaptctl.Mechanism, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rate: float, steps: Any

@@ -162,6 +162,8 @@ def test_a_report_holds_the_live_arm_and_fetches_nothing() -> None:
     assert not re.findall(r"(?:src|href)=\"(?!data:)[^\"]*//|fetch\(|XMLHttpRequest|import\(", page)
     for what in ('role="status"', 'aria-live="polite"', "aria-pressed", "aria-label", "<noscript>"):
         assert what in page
+    for label, heading in (("", made.subject.label), ("by hand", "by hand")):
+        assert live.html(heading) in report(replace(made, live=replace(live, label=label))).html({})
     without = report(replace(made, live="its reference is drawn by hand")).html({})
     assert "This report has no live simulation: its reference is drawn by hand." in without
     assert "live-play" not in without

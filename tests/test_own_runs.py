@@ -207,6 +207,8 @@ def test_runs_of_an_unknown_truth_claim_nothing_of_it(arm: adaptctl.Mechanism, t
     model = adaptctl.ReducedModel(arm)
     runs = runs_of(arm, len(model.names))
     compared = compared_runs(arm, runs, adaptation_off="bench, off")
+    assert compared.title == f"{arm.name}: bench, learning"
+    assert compared_runs(arm, runs, title="On the bench").title == "On the bench"
     assert judged(compared).passed
     told = shown(compared)
     assert "Knowing" not in told.headline

@@ -10,7 +10,7 @@ from comparisons import comparison
 
 from adaptctl.dynamics import load
 from adaptctl.recording import Comparison
-from adaptctl.recording.judgement import outcome
+from adaptctl.recording.judgement import facts, outcome
 from adaptctl.recording.wording import error, number, scientific
 
 
@@ -62,3 +62,9 @@ def test_outcomes_read_well(shown: Comparison) -> None:
     assert outcome(replace(run, rollout=replace(run.rollout, interrupted=True))) == "interrupted at 3.00 s"
     assert outcome(replace(run, rollout=replace(run.rollout, terminated=True))).startswith("stopped at 3.00 s")
     assert math.isfinite(run.final_rms_error or math.nan)
+
+
+def test_only_an_arm_of_several_joints_tells_the_error_of_each(shown: Comparison) -> None:
+    alone = comparison(load("two_link").locked(["elbow"]), samples=20)
+    for made, told in ((shown, True), (alone, False)):
+        assert any("each joint" in fact.question for fact in facts(made, by_joint=True)) is told

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -21,6 +22,7 @@ from adaptctl.logs.foxglove import read_mcap
 from adaptctl.logs.lerobot import read_lerobot
 from adaptctl.logs.parquet import read_parquet
 from adaptctl.logs.rerun_recording import read_rrd
+from adaptctl.recording.mcap_file import _side_by_side
 from adaptctl.recording.trace import write_trace
 
 ARM = load("two_link")
@@ -115,6 +117,21 @@ def test_mcap_has_foxglove_s_schema_and_a_layout_of_its_paths(written: Path) -> 
             field = rest.rpartition(".")[2]
             found = values[topic]["joints"][int(rest[7:-1].partition("]")[0])] if "[" in rest else values[topic]
             assert isinstance(found[field], float)
+
+
+@pytest.mark.parametrize("count", range(1, 8))
+def test_panels_are_split_at_their_middle_by_turns_beside_and_below_each_other(count: int) -> None:
+    names = [f"panel {k}" for k in range(count)]
+
+    def leaves(tree: Any, direction: str) -> list[str]:
+        if isinstance(tree, str):
+            return [tree]
+        assert tree["direction"] == direction
+        first, second = (leaves(tree[part], "column" if direction == "row" else "row") for part in ("first", "second"))
+        assert len(first) - len(second) in (0, 1)
+        return first + second
+
+    assert leaves(_side_by_side(names), "row") == names
 
 
 def test_a_data_set_has_an_episode_for_each_run(written: Path) -> None:
