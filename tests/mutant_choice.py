@@ -25,8 +25,13 @@ from mutant_sites import Mutant
 RECORDED = ROOT / "build" / "mutants" / "entered"
 ELSEWHERE = ("benchmarks", "docstring", "layers", "light_core", "mutants", "notebook", "packaging", "public_api")
 """Parts of names of test files that read the code, or take long to start processes of their own."""
-KEPT = "tests/test_golden.py"
-"""It compares what modules and classes say of themselves, and enters no function of theirs for that."""
+KEPT = tuple(
+    f"tests/test_golden.py::test_{what}_are_those_kept"
+    for what in ("constants_and_defaults", "public_names", "defaults_and_bounds_of_settings")
+)
+"""They compare what modules and classes say of themselves, and enter no function of theirs for that."""
+PICTURES = "tests/test_golden.py::test_figures_and_recordings_show_what_is_kept"
+"""It compares all that is drawn, which most changes of what it enters change, within moments."""
 NUMBERS = "tests/test_kept_numbers.py"
 """It compares numbers of all laws and rules, which most changes of what it enters change, within moments."""
 START = 0.3
@@ -60,6 +65,10 @@ class Recorded:
         enter = [case for case, (_, entered) in self.cases.items() if entered & code]
         others = [case for case in self.cases if case in self.ends and case not in set(enter)]
         return sorted(enter, key=lambda case: self.cases[case][0]) + others
+
+    def tells(self, case: str, code: frozenset[str]) -> bool:
+        """True for a case of this file that compares constants, or that enters one of some functions."""
+        return case in self.cases and (case in KEPT or bool(self.cases[case][1] & code))
 
     def seconds(self, cases: list[str]) -> float:
         """Processor time of some cases, s."""
@@ -153,17 +162,19 @@ def recorded() -> list[Recorded]:
 
 
 def chosen(mutant: Mutant, files: list[Recorded], budget: float) -> list[tuple[Recorded, list[str]]]:
-    """Test files that a mutant meets, and their cases, until `budget` s are taken: its own file, then those that name
-    its class or function, those that import its module, those that import of its folder, and the rest; of these quick
-    ones first that enter little else. Cases that a file's share has no time for come after all other files."""
+    """Test files that a mutant meets, and their cases, until `budget` s are taken: those that compare what modules say
+    or what is drawn, if it is of that; its own file, then those that name its class or function, those that import its
+    module, those that import of its folder, and the rest; of these quick ones first that enter little else. Cases that
+    a file's share has no time for come after all other files."""
     code = concerning(mutant, files)
-    kept = KEPT if f"{mutant.path}::{mutant.function}" not in code else ""
-    about = [file for file in files if file.entered & code or file.name == kept or names(file, mutant)]
+    kept = KEPT if f"{mutant.path}::{mutant.function}" not in code else (PICTURES,)
+    about = [file for file in files if file.entered & code or names(file, mutant)]
     concerned = [(file, file.concerned(code)) for file in about]
     concerned.sort(key=lambda pair: (*distance(pair[0], mutant), pair[0].seconds(pair[1]) * len(pair[0].entered)))
     first = [(file, within(file, cases, SHARE * budget)) for file, cases in concerned]
     later = [(file, cases[len(known) :]) for (file, cases), (_, known) in zip(concerned, first, strict=True)]
-    found, left = [], budget
+    found = [(file, own) for file in files if (own := [case for case in kept if file.tells(case, code)])]
+    left = budget - sum(file.seconds(cases) for file, cases in found)
     for file, cases in first + later:
         if left > 0.0 and (met := within(file, cases, left)):
             found.append((file, met))
