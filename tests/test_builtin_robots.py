@@ -263,6 +263,8 @@ def test_an_unknown_name_lists_those_that_exist(name: str) -> None:
 def test_an_unknown_suffix_lists_those_that_are_read(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"arm\.step: unknown file type '\.step'; known: \.toml, \.urdf"):
         read(tmp_path / "arm.step")
+    with pytest.raises(FileError, match=r"mjcf; expand it: xacro FILE > FILE\.urdf$"):
+        read(tmp_path / "arm.xacro")
 
 
 def test_a_file_or_folder_without_a_suffix(tmp_path: Path) -> None:

@@ -125,7 +125,7 @@ BAD: dict[str, tuple[Spoil, str]] = {
     ),
     "milliseconds": (
         times("time", 1e3),
-        r"the sampling rate is 1 Hz, .*; check the unit of time \(ms taken for s\)",
+        r"the sampling rate is 1 Hz, .*; check the unit of time \(ms taken for s\), or record faster",
     ),
     "microseconds": (times("time", 1e-3), r"the sampling rate is 1e\+06 Hz, .* \(s taken for ms\)"),
     "degrees": (
@@ -341,9 +341,14 @@ def test_text_logs_are_read_whatever_separates_them(tmp_path: Path) -> None:
         read_log(tmp_path / "bad.parquet")
     with pytest.raises(FileError, match="does not exist"):
         read_log(tmp_path / "nowhere.csv")
-    (tmp_path / "log.mat").write_bytes(b"")
-    with pytest.raises(FileError, match=r"logs are read from .csv, .*not from .mat"):
-        read_log(tmp_path / "log.mat")
+    for name, way in (
+        ("log.mat", "write its columns, .*"),
+        ("log.csv.gz", "unpack it"),
+        ("log.xlsx", "write its sheet "),
+    ):
+        (tmp_path / name).write_bytes(b"")
+        with pytest.raises(FileError, match=rf"logs are read from .csv, .*not from \.{name.rpartition('.')[2]}; {way}"):
+            read_log(tmp_path / name)
 
 
 def test_columns_of_lists_keep_their_unit(tmp_path: Path) -> None:

@@ -54,7 +54,7 @@ def log_of(mechanism: Mechanism) -> LogTable:
         ((REVOLUTE,), "velocity", "m/s", "unit of velocity: joint 'j0' turns: expected rad/s, deg/s or rpm, got"),
         ((REVOLUTE,), "torque", "N", "unit of torque: joint 'j0' turns: expected N m or mN m, got 'N'"),
         ((REVOLUTE, PRISMATIC), "position", "deg", "unit of position: joint 'j1' slides: expected m or mm, got 'deg'"),
-        ((PRISMATIC, REVOLUTE), "position", "mm", "unit of position: joint 'j1' turns: expected rad, deg, rev or mrad, got"),
+        ((PRISMATIC, REVOLUTE), "position", "mm", "unit of position: joint 'j1' turns: expected rad, deg, rev or mrad"),
     ],
 )
 def test_units_of_other_joints_are_refused(kinds: tuple[JointKind, ...], what: str, unit: str, message: str) -> None:

@@ -17,6 +17,7 @@ from adaptctl.stages import stage
 TEXT_SUFFIXES = (".csv", ".tsv", ".txt")
 BAG_SUFFIXES = (".mcap", ".bag", ".db3")
 READERS = {".parquet": "parquet:read_parquet", ".rrd": "rerun_recording:read_rrd"}
+PACKED, SHEETS = (".gz", ".bz2", ".xz", ".zst", ".zip", ".7z", ".tar", ".tgz"), (".xlsx", ".xls", ".ods")
 # Logs in folders of results.
 RUNS = ("trace.parquet", "run.parquet")
 # Mark between the files of one log, whose columns are joined.
@@ -53,9 +54,11 @@ def _read(path: str | Path, topic: str | None) -> LogTable:
         return read_isolated(READERS[suffix], path)
     if suffix in TEXT_SUFFIXES:
         return read_delimited(path)
+    part = "sheet" if suffix in SHEETS else "columns, with names,"
+    way = "unpack it" if suffix in PACKED else f"write its {part} as .csv"
     raise FileError(
         f"{path}: logs are read from {', '.join((*TEXT_SUFFIXES, *READERS, *BAG_SUFFIXES))} and folders of ROS 2 bags "
-        f"and LeRobot data sets, not from {suffix or 'a file without suffix'}"
+        f"and LeRobot data sets, not from {suffix or 'a file without suffix'}; {way}"
     )
 
 

@@ -156,10 +156,10 @@ def _validate_known(skip: Collection[str]) -> None:
 def _validate_plausible_rate(log: JointLog) -> None:
     rate = 1.0 / float(np.median(np.diff(log.time)))
     if not MIN_SAMPLE_RATE <= rate <= MAX_SAMPLE_RATE:
-        likely = "ms taken for s" if rate < MIN_SAMPLE_RATE else "s taken for ms"
+        likely = "(ms taken for s), or record faster" if rate < MIN_SAMPLE_RATE else "(s taken for ms)"
         raise InputError(
             f"{log.source}: the sampling rate is {rate:.3g} Hz, but {MIN_SAMPLE_RATE:g} to {MAX_SAMPLE_RATE:g} Hz are "
-            f"expected; check the unit of time ({likely})"
+            f"expected; check the unit of time {likely}"
         )
 
 

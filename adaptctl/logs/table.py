@@ -56,7 +56,8 @@ class LogTable:
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
             told = f"; its first text is {printable(repr(self.words[name]))}" if name in self.words else ""
-            right = "write s, or dates as 2026-09-01 12:00:00.005" if told and what == "time" else WHOLE
+            dated = told and what == "time" and bad[0] == 0
+            right = "write s, or dates as 2026-09-01 12:00:00.005" if dated else WHOLE
             raise FileError(
                 f"{self.source}: column {name!r} ({what}): {bad.size} of {len(values)} rows not finite, the first "
                 f"is row {int(bad[0]) + 1} ({values[bad[0]]}){told}; {right}"

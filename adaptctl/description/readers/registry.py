@@ -219,7 +219,8 @@ def _reader(source: str | Path) -> Reader:
     if str(source) and path.is_dir():
         raise FileError(f"{source}: is a folder; give a robot file{_within(path)} ({suffixes})")
     if path.suffix:
-        raise FileError(f"{source}: unknown file type {path.suffix!r}; known: {suffixes}")
+        way = "; expand it: xacro FILE > FILE.urdf" if path.suffix == ".xacro" else ""
+        raise FileError(f"{source}: unknown file type {path.suffix!r}; known: {suffixes}{way}")
     if str(source) and path.exists():
         raise FileError(f"{source}: the file name has no suffix; expected one of {suffixes}")
     files = [f"{source}{suffix}" for suffix in READERS if str(source) and Path(f"{source}{suffix}").is_file()]
