@@ -13,10 +13,12 @@ from c_compiler import build, said
 from golden.capture import arms
 
 import adaptctl
+from adaptctl.codegen.c_loops import _position
 from adaptctl.codegen.c_program import _callees
 from adaptctl.codegen.gain_rules import gain_rules
 from adaptctl.codegen.interface import Interface, short_names, status_bits, status_of
 from adaptctl.compilation import outlined, trace
+from adaptctl.compilation.loops import Index
 from adaptctl.control import Controller, PDGravity, ReferencePoint, Sinusoids, SlotineLi
 from adaptctl.description import builtin_file
 from adaptctl.dynamics import Mechanism, load
@@ -162,3 +164,10 @@ def test_functions_are_written_before_those_that_call_them() -> None:
     found = _callees(trace(lambda x: Column((middle(x[0]), 3.0 * x[1])), {"x": 2}))
     assert len(found) == 2
     assert all(set(one.subroutines) <= set(found[:k]) for k, one in enumerate(found))
+
+
+def test_a_place_in_an_array_is_the_sum_of_its_counters_without_those_that_cancel() -> None:
+    i, j = (Index(((counter, 1),)) for counter in range(2))
+    for place, at in ((2 * i - 3 * j + 4, "2 * i0 + 4 - 3 * i1"), (i - j - 1, "i0 - i1 - 1"), (j + i - j, "i0")):
+        assert _position(place) == at
+    assert [_position(place) for place in (7, 3 + i - i, i - i)] == ["7", "3", "0"]

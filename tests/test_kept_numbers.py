@@ -27,7 +27,7 @@ def test_exported_c_of_single_numbers_is_the_one_kept() -> None:
 
 @pytest.mark.parametrize("name", rules.ARMS)
 def test_gains_and_references_are_those_kept(name: str) -> None:
-    validate_same({name: kept("rules")[name]}, {name: rules.chosen(rules.arm(name))})
+    validate_same({name: kept("rules")[name]}, {name: rules.chosen_and_designed(name)})
 
 
 @pytest.mark.parametrize("name", runs.RUNS)

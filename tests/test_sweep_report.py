@@ -57,6 +57,11 @@ def test_a_map_has_mean_errors_and_shares_of_stable_runs() -> None:
     assert image.get_clim() == (0.0, 1.0)  # so that maps can be compared
 
 
+def test_one_run_makes_a_map_of_one_place() -> None:
+    (found,) = report([row(1, 0.5, 2.0)]).maps("adaptive")
+    assert (found.across, found.down, found.error.tolist(), found.stable.tolist()) == ([1], [0.5], [[2.0]], [[1.0]])
+
+
 @pytest.mark.parametrize(("count", "bins"), [(16, 16), (17, 8), (33, 8)])
 def test_more_than_sixteen_values_are_put_together_in_eighths(count: int, bins: int) -> None:
     (found,) = report([row(k, 0.0, float(k)) for k in range(count)]).maps("adaptive")

@@ -50,7 +50,7 @@ RELATIVE, ABSOLUTE = 1e-6, 1e-9
 LOOSE: Mapping[str, float] = {
     r"^svg ": 1e-4,  # which has one decimal place
     r"\.gap$": 0.15,  # the logarithm of a ratio to what is beyond the rank, which is round-off
-    r"\.(gain|achieved|learning)\.|\.damping$": 1e-3,  # where a search of steps ends
+    r"\.(gain|achieved|learning|exciting)\.|\.damping$": 1e-3,  # where a search of steps ends
     r"\.counterweights\.(weights\.\d+\.place|after)|runs\.\w+-after\.": 1e-3,  # where an optimisation ends
 }
 """Relative tolerances of what differs by more between processors, by patterns of names."""
