@@ -45,6 +45,7 @@ from adaptctl.recording.comparison import ADAPTATION_OFF as ADAPTATION_OFF
 from adaptctl.recording.comparison import NO_MODEL as NO_MODEL
 from adaptctl.recording.contact_force import is_touched
 from adaptctl.simulation import Plant, Rollout
+from adaptctl.simulation.law_operations import law_flops
 from adaptctl.simulation.rollout import known_steps, stepped
 from adaptctl.simulation.simulate import simulated
 from adaptctl.tuning.rotors import warn_of_rotors
@@ -394,12 +395,11 @@ def _lyapunov(controller: Controller[Any], run: Rollout, mechanism: Mechanism) -
 
 def step_cost(controller: Controller[Any], run: Rollout, timed: bool) -> StepCost:
     """Floating-point operations of a control step and, where `timed`, its median time in s."""
-    kernel, called = controller.kernel, list[float]()
+    called = list[float]()
     memory = controller.init(run.p[0], run.v[0]) if timed else None
     for k in np.linspace(0, len(run.time) - 1, TIMED_TICKS if timed else 0).astype(int):
         point = ReferencePoint(run.reference_p[k], run.reference_v[k], run.reference_a[k])
         started = time.perf_counter()
         controller.step(memory, run.p[k], run.v[k], point)
         called.append(time.perf_counter() - started)
-    flops = None if kernel is None else kernel.operations.flops
-    return StepCost(float(np.median(called)) if called else None, flops=flops)
+    return StepCost(float(np.median(called)) if called else None, flops=law_flops(controller))

@@ -25,6 +25,7 @@ from adaptctl.recording.page import rendered
 from adaptctl.scalars import Column, clip
 from adaptctl.simulation import Plant
 from adaptctl.simulation.effects import Payload
+from adaptctl.simulation.law_operations import law_flops
 from adaptctl.simulation.period import PlantState
 
 MAX_MODULE_BYTES = 60_000
@@ -121,7 +122,7 @@ def _obstacle(plant: Plant, controller: Controller[Any], reference: Reference) -
         return f"the effects between controller and joints ({names}) are not supported"
     if not isinstance(reference, Sinusoids):
         return f"its reference is a {type(reference).__name__}, not a sum of sinusoids"
-    if controller.kernel is None or controller.kernel.operations.flops > MAX_LAW_FLOPS:
+    if (flops := law_flops(controller)) is None or flops > MAX_LAW_FLOPS:
         return f"its law has too many operations for a module of {MAX_MODULE_BYTES // 1000} kB"
     return ""
 

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import chain
 from math import inf
 from time import perf_counter
 from typing import Any, NamedTuple, TypeAlias
@@ -23,6 +24,7 @@ from adaptctl.control.pytree import leaves, like
 from adaptctl.dynamics.equations import ClosedPositions
 from adaptctl.errors import InputError, validate_kind
 from adaptctl.scalars import Column, Structure, where
+from adaptctl.simulation.law_operations import count
 from adaptctl.simulation.period import PlantState
 from adaptctl.simulation.plant import Plant
 from adaptctl.simulation.references import REFERENCE
@@ -213,7 +215,15 @@ class ClosedLoop:
     def _made(self, quick: bool) -> Stepper:
         shared, name = self.reference | self.noise, type(self.controller).__name__
         held = self.held | ({LATE: 1} if isinstance(self.controller._blank, AdaptiveState) else {})
-        return compile_step(self.step, state=self.state, constants=held, inputs=shared, lanes=1, name=name, quick=quick)
+        return compile_step(
+            self._counted, state=self.state, constants=held, inputs=shared, lanes=1, name=name, quick=quick
+        )
+
+    def _counted(self, **columns: Column) -> tuple[Any, ...]:
+        results, states = self.step(**columns), len(self.state)
+        memory = results[len(self.plant.sizes) + len(_NOTHING) : states]
+        count(self.controller, chain(Sample(*results[states:]).torque, *memory))
+        return results
 
     def step(self, **columns: Column) -> tuple[Any, ...]:
         """
