@@ -26,8 +26,7 @@ RECORDED = ROOT / "build" / "mutants" / "entered"
 ELSEWHERE = ("benchmarks", "docstring", "layers", "light_core", "mutants", "notebook", "packaging", "public_api")
 """Parts of names of test files that read the code, or take long to start processes of their own."""
 KEPT = tuple(
-    f"tests/test_golden.py::test_{what}_are_those_kept"
-    for what in ("constants_and_defaults", "public_names", "defaults_and_bounds_of_settings")
+    f"tests/test_golden.py::test_{what}_are_those_kept" for what in ("public_names", "defaults_and_bounds_of_settings")
 )
 """They compare what modules and classes say of themselves, and enter no function of theirs for that."""
 PICTURES = "tests/test_golden.py::test_figures_and_recordings_show_what_is_kept"
@@ -67,7 +66,7 @@ class Recorded:
         return sorted(enter, key=lambda case: self.cases[case][0]) + others
 
     def tells(self, case: str, code: frozenset[str]) -> bool:
-        """True for a case of this file that compares constants, or that enters one of some functions."""
+        """True for a case of this file that compares what modules say, or that enters one of some functions."""
         return case in self.cases and (case in KEPT or bool(self.cases[case][1] & code))
 
     def seconds(self, cases: list[str]) -> float:

@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Iterator
 
 import pytest
-from golden import capture, stated
+from golden import capture
 from golden.kept import kept, validate_same
 from rich.console import Console
 from test_documented_commands import take
@@ -51,10 +51,6 @@ def test_defaults_and_bounds_of_settings_are_those_kept() -> None:
     """Of those that are kept: of new ones `make golden` tells."""
     before, now = kept("settings"), capture.settings()
     validate_same(before, {name: {key: now[name][key] for key in own} for name, own in before.items()})
-
-
-def test_constants_and_defaults_are_those_kept() -> None:
-    validate_same(kept("numbers"), stated.numbers())
 
 
 def test_help_is_the_one_kept(monkeypatch: pytest.MonkeyPatch) -> None:

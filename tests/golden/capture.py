@@ -32,7 +32,7 @@ from typing import Any
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
-PARTS = ("names", "help", "settings", "numbers", "robots", "exports", "rules", "runs", "pictures", "experiments")
+PARTS = ("names", "help", "settings", "robots", "exports", "rules", "runs", "pictures", "experiments")
 
 SAME_EVERYWHERE: Mapping[str, str] = {
     "ADAPTCTL_PROCESSOR": "sse2",
@@ -354,10 +354,9 @@ def parts(asked: list[str]) -> Iterator[tuple[Path, Callable[[], Any]]]:
     """Files, and what says now what they ought to keep."""
     from golden.rules import rules
     from golden.runs import runs
-    from golden.stated import numbers
 
     single = {"names": names, "help": helps, "settings": settings, "robots": robots, "exports": exports}
-    single |= {"pictures": pictures, "rules": rules, "runs": runs, "numbers": numbers}
+    single |= {"pictures": pictures, "rules": rules, "runs": runs}
     for part in asked:
         if part in single:
             yield HERE / f"{part}.json", single[part]
