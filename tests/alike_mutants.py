@@ -61,12 +61,9 @@ ALIKE = {
     "os.fstat(file.fileno()).st_size <= size": ("a file that is made as long as it is stays as it is"),
     "adaptctl/logs/text.py::_long Path(path).stat().st_size < on_disk.LARGE -> "
     "Path(path).stat().st_size <= on_disk.LARGE": ("a file is the same, read whole or by batches"),
-    "adaptctl/logs/on_disk.py::columns_of_file 8 * shape[0] * shape[1] < LARGE -> 8 * shape[0] * shape[1] <= LARGE": (
+    "adaptctl/logs/on_disk.py::is_large 8 * columns * rows >= LARGE -> 8 * columns * rows > LARGE": (
         "columns are the same, in memory or on disk"
     ),
-    "adaptctl/logs/on_disk.py::rowwise 8 * n * width < LARGE -> 8 * n * width <= LARGE": "as above",
-    "adaptctl/logs/on_disk.py::of_columns 8 * rows * width < LARGE -> 8 * rows * width <= LARGE": "as above",
-    "adaptctl/logs/on_disk.py::chosen 8 * rows * len(columns) < LARGE -> 8 * rows * len(columns) <= LARGE": "as above",
     "adaptctl/logs/on_disk.py::one_by_one column.nbytes > LARGE // 8 -> column.nbytes >= LARGE // 8": (
         "memory is given back by one column more or less"
     ),

@@ -300,15 +300,19 @@ def test_a_file_that_is_no_python_has_no_law(tmp_path: Path) -> None:
         own_entrant(f"{tmp_path / 'own.txt'}:Law")
 
 
+def test_a_file_offers_the_classes_that_are_named_alike_or_all(tmp_path: Path) -> None:
+    own = tmp_path / "own.py"
+    own.write_text("from adaptctl.control import PDGravity\nclass Own(PDGravity): pass\nclass Other(PDGravity): pass\n")
+    for name, offered in (("Owns", ".*'Own'"), ("Xyzzy", "; it has Own, Other$")):
+        with pytest.raises(NotFoundError, match=f"no class '{name}'{offered}"):
+            own_entrant(f"{own}:{name}")
+
+
 def test_cells_of_numbers_have_what_they_are_sorted_by_and_only_the_last_is_words() -> None:
     row = Ranking([{**row, "curve": [1.0]} for row in rows_of(ROWS)]).table()[2]
     found = page._cells(row)
     assert [cell.words for cell in found] == [False] * (len(found) - 1) + [True]
     assert [found[k].value for k in (0, 1, 7, -4)] == [row["rank"], row["error"], row["failed"], row["operations"]]
     assert found[2].note == f"[{page.short(row['over_true_low'])}, {page.short(row['over_true_high'])}]"
-    assert (page.short(np.nan), page.short(np.inf), page.short(1234.5), page.short(-0.12345)) == (
-        "–",
-        "∞",
-        "1,230",
-        "-0.123",
-    )
+    values = (np.nan, np.inf, 1234.5, -1000.0, -0.12345)
+    assert [page.short(value) for value in values] == ["–", "∞", "1,230", "-1,000", "-0.123"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from adaptctl.contest.contest_file import Contest
 from adaptctl.contest.figures import drawings, latex
 from adaptctl.contest.measures import ContestRuns, measured
 from adaptctl.contest.page import content, short, tint, write_page
-from adaptctl.contest.ranking import Ranking, agreement
+from adaptctl.contest.ranking import Ranking, _settled, agreement
 from adaptctl.contest.resampling import median_interval, medians
 from adaptctl.contest.step_times import slowest
 
@@ -135,6 +136,19 @@ def test_orders_that_differ_are_told() -> None:
     assert found.tau_b == pytest.approx(1.0 / 3.0)
     assert str(found) == "tau-b 0.33; settled pairs in another order: b and c"
     assert str(one.halves()) == "tau-b 1.00; settled pairs in another order: none"
+
+
+def test_two_laws_have_an_order_and_one_has_none() -> None:
+    two = Ranking(rows_of({"a": [1.0, 1.1], "b": [2.0, 2.1]}))
+    assert agreement(two, two).tau_b == 1.0
+    alone = Ranking(rows_of({"a": [1.0, 1.1]}))
+    assert np.isnan(agreement(alone, alone).tau_b)
+
+
+@pytest.mark.parametrize(("low", "high", "settled"), [(1.0, 1.1, 0), (0.9, 1.0, 0), (1.01, 2.0, 1), (0.5, 0.99, -1)])
+def test_a_pair_is_settled_where_its_interval_is_beside_one(low: float, high: float, settled: int) -> None:
+    ranking: Any = SimpleNamespace(over=lambda one, other: (0.5 * (low + high), low, high))
+    assert _settled(ranking, "a", "b") == settled
 
 
 def test_the_page_of_a_large_contest_is_small_and_asks_for_nothing_else(tmp_path: Path) -> None:

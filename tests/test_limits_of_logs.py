@@ -15,7 +15,7 @@ import pytest
 
 from adaptctl.arrays import MAX_SETTING
 from adaptctl.errors import FileError, NotFoundError
-from adaptctl.logs import isolated, lerobot, parquet, rerun_recording, ros_bag, text, units
+from adaptctl.logs import isolated, lerobot, on_disk, parquet, rerun_recording, ros_bag, text, units
 from adaptctl.logs.table import LogTable, table, validate_size
 from adaptctl.logs.text import read_delimited
 from adaptctl.logs.text_form import form_of
@@ -159,6 +159,11 @@ def test_the_mark_before_decimals_is_told_by_that_after_thousands(
     cells: list[str], decimal: str, tmp_path: Path
 ) -> None:
     assert form_of(written(tmp_path, "a;b\n" + "".join(f"{cell};1\n" for cell in cells))).decimal == decimal
+
+
+def test_columns_belong_on_disk_by_the_bytes_of_all_their_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(on_disk, "LARGE", 8 * 12)
+    assert [on_disk.is_large(*shape) for shape in ((1, 12), (4, 3), (3, 4), (11, 1))] == [True, True, True, False]
 
 
 @pytest.mark.isolated

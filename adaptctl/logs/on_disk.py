@@ -22,6 +22,11 @@ LARGE, ROWS_AT_ONCE = 2**25, 2**16
 _maps: WeakSet[mmap.mmap] = WeakSet()
 
 
+def is_large(columns: int, rows: int) -> bool:
+    """True for columns that belong on disk."""
+    return 8 * columns * rows >= LARGE
+
+
 class ColumnFile:
     """Temporary file without a name for k columns of at most n rows, which takes no more space than what is written."""
 
@@ -62,7 +67,7 @@ def _mapped(file: IO[bytes], shape: tuple[int, int]) -> Array:
 
 def columns_of_file(path: Path, shape: tuple[int, int]) -> Array:
     """Numbers (k, n) of a file, which may be removed from then on."""
-    if 8 * shape[0] * shape[1] < LARGE:
+    if not is_large(*shape):
         return np.fromfile(path, dtype=np.float64).reshape(shape)
     with path.open("rb") as file:
         return _mapped(file, shape)
@@ -91,7 +96,7 @@ def rowwise(compute: Callable[..., Array], *values: Array) -> Array:
     """Array (n, k) of a function of rows of arrays (n, ...), by chunks and on disk if it is large."""
     n = len(values[0])
     width = compute(*(own[:1] for own in values)).shape[1]
-    if 8 * n * width < LARGE:
+    if not is_large(width, n):
         return compute(*values)
     file = ColumnFile(width, n)
     for start in range(0, n, ROWS_AT_ONCE):
@@ -104,7 +109,7 @@ def rowwise(compute: Callable[..., Array], *values: Array) -> Array:
 
 def of_columns(columns: Iterable[Array], rows: int, width: int) -> Array:
     """Array (n, k) of columns (n,) as they are made, on disk if it is large."""
-    if 8 * rows * width < LARGE:
+    if not is_large(width, rows):
         return np.stack(list(columns), axis=-1)
     file = ColumnFile(width, rows)
     for k, own in enumerate(columns):
@@ -116,7 +121,7 @@ def of_columns(columns: Iterable[Array], rows: int, width: int) -> Array:
 def chosen(columns: Sequence[Array], kept: NDArray[np.bool_]) -> Sequence[Array]:
     """Rows of columns (n,) by a mask (n,), on disk if they are large."""
     rows = int(np.count_nonzero(kept))
-    if 8 * rows * len(columns) < LARGE:
+    if not is_large(len(columns), rows):
         return [own[kept] for own in columns]
     file = ColumnFile(len(columns), rows)
     for k, own in enumerate(columns):

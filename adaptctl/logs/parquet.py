@@ -36,7 +36,7 @@ def _long(path: str | Path) -> LogTable | None:
     irregular = suppress(OSError, pa.ArrowException, ValueError, OverflowError, UnlikeBeforeError)
     with irregular, pq.ParquetFile(path, buffer_size=BUFFER, page_checksum_verification=True) as file:
         told = file.metadata
-        if 8 * told.num_rows * told.num_columns < on_disk.LARGE or b"sha256" in (told.metadata or {}):
+        if not on_disk.is_large(told.num_columns, told.num_rows) or b"sha256" in (told.metadata or {}):
             return None
         validate_size(path, told.num_rows, told.num_columns)
         _validate_unpacked(path, told)
