@@ -4,15 +4,31 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 from nightly import mostly_at_night
 
+from adaptctl.dynamics import load
 from adaptctl.errors import InputError
-from adaptctl.experiments.task_space import TaskSpaceTracking
+from adaptctl.experiments.task_space import ARMS, TaskSpaceTracking
+from adaptctl.identifiability import essential_space
 from adaptctl.recording.judgement import facts
 from adaptctl.recording.rerun_recording import summary_markdown
 
 pytestmark = pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
+
+
+def test_tools_are_where_wrist_and_forearm_end() -> None:
+    """At the PUMA's flange with its wrist held straight, d4 + d6 of its Denavit-Hartenberg parameters; half a metre
+    past the elbow of the five-bar."""
+    serial, graph = ARMS
+    np.testing.assert_allclose(serial.tip, [0.0, 0.0, 0.4331 + 0.05625])
+    loops = load(graph.robot).description.loops
+    assert loops is not None
+    (elbow,) = loops.closures
+    assert elbow.second == graph.link
+    np.testing.assert_allclose(np.subtract(graph.tip, elbow.second_frame.translation), [0.5, 0.0, 0.0])
+    assert essential_space(load(graph.robot)).rank == graph.printed_rank
 
 
 @pytest.fixture(scope="module", params=mostly_at_night(["puma560_arm3", "semi_direct_drive"], "semi_direct_drive"))

@@ -9,7 +9,7 @@ from nightly import nightly
 from adaptctl.control import Gradient, SlotineLi, lyapunov
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
-from adaptctl.experiments.two_arms import LEFT, TwoArms
+from adaptctl.experiments.two_arms import LEFT, RIGHT, TwoArms, _slopes
 from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation import simulate
 
@@ -19,6 +19,13 @@ EXPERIMENT = TwoArms(duration=4.0)
 @pytest.fixture(scope="module")
 def mechanism() -> Mechanism:
     return EXPERIMENT.mechanism()
+
+
+def test_both_arms_hold_the_rod_where_they_are_said_to(mechanism: Mechanism) -> None:
+    """The right arm as told to 0.01 rad, and neither near a singularity: all joints move as fast as those of the left
+    within a factor of ten."""
+    np.testing.assert_allclose(mechanism.configuration(np.array(LEFT)), [*LEFT, *RIGHT], atol=0.01)
+    assert np.linalg.cond(_slopes(mechanism)) < 10.0
 
 
 def test_both_arms_motors_share_the_load(mechanism: Mechanism) -> None:
