@@ -13,18 +13,33 @@ from hypothesis import strategies as st
 from random_trees import random_tree
 from robot_files import urdf
 
+from adaptctl.control import Sinusoids
 from adaptctl.control.gains.gains import finite_torque_limits
 from adaptctl.description import Limits
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs import TrackingEnv, random_sinusoids
+from adaptctl.envs.built_in import FIVE_BAR_REFERENCE, PUMA560_REFERENCE
 from adaptctl.envs.random_reference import _within_limits
 from adaptctl.errors import InputError
+from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
+from adaptctl.experiments.semi_direct_drive_adaptive import SemiDirectDriveAdaptive
 from adaptctl.simulation.references import BLOCK, Preview
 
 
 @pytest.fixture(scope="module")
 def measured() -> Mechanism:
     return load("puma560_measured")
+
+
+@pytest.mark.parametrize(
+    ("reference", "experiment"),
+    [(PUMA560_REFERENCE, Puma560Adaptive()), (FIVE_BAR_REFERENCE, SemiDirectDriveAdaptive())],
+)
+def test_environments_of_arms_follow_what_their_experiments_do(
+    reference: Sinusoids, experiment: Puma560Adaptive
+) -> None:
+    for name in ("center", "amplitude", "frequency", "start_time"):
+        np.testing.assert_allclose(np.ravel(getattr(reference, name)), getattr(experiment, name), atol=1e-5)
 
 
 def test_a_preview_is_the_reference_at_every_period(measured: Mechanism) -> None:
