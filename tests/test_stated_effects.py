@@ -14,9 +14,17 @@ import adaptctl
 from adaptctl.errors import InputError, TuningWarning, VerdictError
 from adaptctl.simulation.effects import ControlDelay, ElasticJoints, Encoder, FilteredDifferences
 from adaptctl.tuning import stated_effects, tune, with_friction
-from adaptctl.tuning.default_gains import DefaultGains
+from adaptctl.tuning.default_gains import DefaultGains, Proposal
 from adaptctl.tuning.stated_effects import Rates, held, holds, late_share, plant_with
-from adaptctl.tuning.verification import Trials, TrialSetting, Verification, base_model, verifications
+from adaptctl.tuning.verification import (
+    OTHER_STARTS,
+    Trials,
+    TrialSetting,
+    Verification,
+    base_model,
+    other_arms,
+    verifications,
+)
 from benchmarks.stability import random_arm
 
 ASKED = Rates(4.0, 0.5, 0.4)
@@ -162,18 +170,33 @@ def test_the_tuning_s_notes_are_warnings_of_the_controller() -> None:
         adaptctl.adaptive_controller(arm, control_period=4e-3)
 
 
-def test_gains_are_lowered_where_another_start_loses_the_arm() -> None:
-    """Of an arm whose hand is light, which two of eight starts lose within 2 s, but not the one that is verified."""
-    arm = with_friction(random_arm(np.random.default_rng(7), 3, lighter=0.3))
-    found = tune(arm, control_period=0.004, nominal_only=True)
-    assert "lowered to these" in found.notes[-1]
-    assert found.is_learning
+def begun(seed: int) -> tuple[Trials, Proposal, TrialSetting]:
+    """Trials of a random arm whose hand is light, and the gains that its tuning begins with."""
+    arm = with_friction(random_arm(np.random.default_rng(seed), 3, lighter=0.3))
     rule = DefaultGains.for_mechanism(arm, control_period=0.004)
     trials = Trials(plant_with(arm, 0.004, rule.limits, ()), rule.reference, rule.initial_error, True)
     first = rule.proposed(4.0, 0.5, 0.5, "mixed")
-    given = trials, base_model(arm), first.feasible.gains, first.gain
-    assert verifications(*given, 0)[0].max_error > 1.0
-    setting = TrialSetting(
-        first.feasible.gains.bandwidth, first.feasible.gains.damping, first.gain, arm.inertial_parameters
-    )
+    gains = first.feasible.gains
+    return trials, first, TrialSetting(gains.bandwidth, gains.damping, first.gain, arm.inertial_parameters)
+
+
+@pytest.mark.parametrize("seed", [7, 30])
+def test_gains_are_lowered_where_another_start_loses_the_arm(seed: int) -> None:
+    """Which the one that is verified does not."""
+    trials, first, setting = begun(seed)
+    arm = trials.plant.mechanism
+    found = tune(arm, control_period=0.004, nominal_only=True)
+    assert "lowered to these" in found.notes[-1]
+    assert found.is_learning
+    assert verifications(trials, base_model(arm), first.feasible.gains, first.gain, 0)[0].max_error > 1.0
     assert trials.learn(base_model(arm), [setting], 2.0).largest_error.max() < 0.5
+
+
+def test_other_starts_are_of_other_arms() -> None:
+    """The arm itself is lost from none of them, but with links that are 30 % off; some have a heavier last link."""
+    trials, _, setting = begun(30)
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], (OTHER_STARTS, 3))
+    own = trials.learn(base_model(trials.plant.mechanism), [setting] * OTHER_STARTS, 0.5, signs * trials.off)
+    assert own.largest_error.max() < 1.0
+    masses = {round(arm[20] / setting.parameters[20], 9) for arm in other_arms(trials.plant.mechanism, 0)}
+    assert masses == {0.7, 1.0, 1.3, 2.0}
