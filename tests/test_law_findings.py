@@ -12,14 +12,14 @@ import pytest
 
 from adaptctl.dynamics import load
 from adaptctl.experiments.contest import ADAPTATION_OFF, Outcome, _gravity, listed, thinning
+from adaptctl.experiments.disturbed_arm import LAWS, OTHERS
 from adaptctl.experiments.laws import Laws, ParameterErrors, Recovery, _drifted, _recoveries, _span, each, held_back
-from adaptctl.experiments.laws_controllers import Draft, deviations, friction_columns
+from adaptctl.experiments.laws_controllers import Draft, controller, deviations, friction_columns
 from adaptctl.experiments.puma560_adaptive import FULL, one_controller
 from adaptctl.experiments.replication.closed_loop import _answer, _answers
 from adaptctl.experiments.task_space import TaskSpaceTracking
 from adaptctl.identifiability import ReducedModel
 from adaptctl.recording import ControllerRun
-from adaptctl.simulation.effects import ElasticJoints, Encoder, Friction, PayloadHeld
 
 laws = import_module("adaptctl.experiments.laws")
 ARM = load("two_link")
@@ -150,40 +150,6 @@ def test_a_bandwidth_is_stable_by_its_last_third(
     assert laws._is_stable(Laws(robot="two_link"), plant, model, "gradient") is False
 
 
-def test_disturbances_are_as_large_as_their_settings() -> None:
-    arm = load("puma560_friction")
-    of = Laws(robot="puma560_friction", disturbance="payload", payload=3.0, payload_size=0.2, payload_offset=0.1,
-              payload_start=4.0, payload_stop=8.0, payload_cycles=2, duration=24.0, stribeck=0.5, position_noise=1e-4,
-              laws=("gradient",))  # fmt: skip
-    found: dict[type, list[Any]] = {}
-    for each_of in of.effects(arm, 0.0):
-        found.setdefault(type(each_of), []).append(each_of)
-    held = found[PayloadHeld]
-    assert [(one.start, one.stop) for one in held] == [(4.0, 8.0), (16.0, 20.0)]
-    assert held[0].payload.mass == 3.0
-    assert held[0].payload.inertia == pytest.approx(3.0 * 0.2**2 / 6.0 * np.eye(3))  # of a cube
-    assert held[0].payload.center.tolist() == [0.0, 0.0, 0.1]
-    assert of.body(0.5).mass == 1.5
-    coulomb = [joint.drive.coulomb for joint in arm.primary_joints]
-    assert found[Friction][0].stribeck == pytest.approx(0.5 * np.array(coulomb))
-    assert found[Encoder][0].noise == 1e-4
-
-
-def test_springs_are_damped_by_a_twentieth_of_critical() -> None:
-    arm = load("puma560_geared")
-    (springs,) = Laws(laws=("gradient",)).effects(arm, 1e4)
-    assert isinstance(springs, ElasticJoints)
-    named = dict(zip(arm.parameter_names, arm.inertial_parameters, strict=True))
-    rotors = np.array([named[f"{joint.name}.rotor_inertia"] for joint in arm.primary_joints])
-    # two inertias on a spring swing as their parallel one does, which is below the rotor's
-    parallel = (np.asarray(springs.damping) / (2.0 * 0.05)) ** 2 / 1e4
-    assert ((parallel > 0.0) & (parallel < rotors)).all()
-    links = 1.0 / (1.0 / parallel - 1.0 / rotors)
-    from adaptctl.control import typical_inertia
-
-    assert links + rotors == pytest.approx(typical_inertia(arm), rel=1e-3)  # a wrist has no less than a thousandth
-
-
 def test_deviations_of_a_body_are_those_of_its_size() -> None:
     model = ReducedModel.full(ARM)
     mass, offset, moment = 2.0, 0.3, 0.05
@@ -293,3 +259,21 @@ def test_runs_of_reduced_and_of_all_parameters_are_compared_as_long_as_both_ran(
     assert finding.value == 0.5
     assert "of 3 and of 8" in finding.meaning
     assert list(one_controller(SimpleNamespace(run={FULL: both[FULL]}), "adaptive")) == []  # type: ignore[arg-type]
+
+
+def test_laws_get_the_bounds_rates_and_first_estimates_of_their_draft() -> None:
+    """Bounds four deviations off; nothing is learned before; what leaks, leaks to the first estimate."""
+    of = Laws(robot="two_link", laws=("gradient",), forgetting=1.5, leakage=0.07)
+    model = ReducedModel(load("two_link"))
+    draft = Draft(of, model)
+    made: dict[str, Any] = {name: controller(of, name, model) for name in (*LAWS, *OTHERS, ADAPTATION_OFF)}
+    bounded, leaking = made["projection"].adaptation, made["sigma-modification"].adaptation
+    assert (bounded.upper - bounded.lower) / draft.unknown == pytest.approx(8.0)
+    assert 0.5 * (bounded.upper + bounded.lower) == pytest.approx(draft.first)
+    assert (leaking.leakage, made["e-modification"].adaptation.leakage) == (0.07, 0.5)
+    for name in ("sigma-modification", "e-modification"):
+        assert made[name].adaptation.prior == pytest.approx(draft.first)
+    assert {made[name].adaptation.cutoff for name in ("composite", "cushioned-floor", "concurrent-learning")} == {5.0}
+    assert made[ADAPTATION_OFF].adaptation is None
+    weak = controller(replace(of, torque_limit_scale=0.5), "gradient", model)
+    assert weak.torque_limits == pytest.approx(0.5 * model.mechanism.effort_limits)
