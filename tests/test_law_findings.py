@@ -275,5 +275,5 @@ def test_laws_get_the_bounds_rates_and_first_estimates_of_their_draft() -> None:
         assert made[name].adaptation.prior == pytest.approx(draft.first)
     assert {made[name].adaptation.cutoff for name in ("composite", "cushioned-floor", "concurrent-learning")} == {5.0}
     assert made[ADAPTATION_OFF].adaptation is None
-    weak = controller(replace(of, torque_limit_scale=0.5), "gradient", model)
+    weak: Any = controller(replace(of, torque_limit_scale=0.5), "gradient", model)
     assert weak.torque_limits == pytest.approx(0.5 * model.mechanism.effort_limits)
