@@ -128,13 +128,14 @@ class Node(_Traced):
 
 Value: TypeAlias = Node | float
 """Scalar under trace: a node or a known float."""
+_NUMBERS = (float, int, np.floating, np.integer)  # a union, written where it is asked for, is made at each call
 
 
 def lift(x: Any) -> Value | None:
     """Scalar of a traced function made of `x`."""
     if isinstance(x, Node):
         return x
-    if isinstance(x, float | int | np.floating | np.integer) or (isinstance(x, np.ndarray) and x.ndim == 0):
+    if isinstance(x, _NUMBERS) or (isinstance(x, np.ndarray) and x.ndim == 0):
         return float(x) + 0.0  # -0.0 becomes 0.0
     return None
 

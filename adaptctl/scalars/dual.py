@@ -80,6 +80,19 @@ def dual(x: Any) -> Dual:
     return x if isinstance(x, Dual) else Dual(x)
 
 
+def _operator(rule: Callable[[Dual, Dual], Dual], *, reflected: bool = False) -> Callable[[Dual, Any], Any]:
+    """Operator without NumPy's search for who overrides a ufunc, which takes longer than the rule."""
+
+    def operator(self: Dual, other: Any) -> Any:
+        if not isinstance(other, Dual):
+            if getattr(other, "__array_ufunc__", other) is None:  # a Vec or Column, which has its own rule
+                return NotImplemented
+            other = Dual(other)
+        return rule(other, self) if reflected else rule(self, other)
+
+    return operator
+
+
 def _add(a: Dual, b: Dual) -> Dual:
     return Dual(a.value + b.value, a.slope + b.slope)
 
@@ -95,6 +108,11 @@ def _multiply(a: Dual, b: Dual) -> Dual:
 def _divide(a: Dual, b: Dual) -> Dual:
     quotient = a.value / b.value
     return Dual(quotient, (a.slope - quotient * b.slope) / b.value)
+
+
+for _name, _rule in {"add": _add, "sub": _subtract, "mul": _multiply, "truediv": _divide}.items():
+    setattr(Dual, f"__{_name}__", _operator(_rule))
+    setattr(Dual, f"__r{_name}__", _operator(_rule, reflected=True))
 
 
 def _sqrt(a: Dual) -> Dual:
