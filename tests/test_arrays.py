@@ -13,14 +13,18 @@ import pytest
 from adaptctl.arrays import (
     MAX_PERIOD,
     MIN_PERIOD,
+    checked,
+    finite_results,
+    per_joint,
     positive_number,
+    positive_per_joint,
     positive_period,
     real_number,
     stacked_rows,
     whole_count,
     whole_number,
 )
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, NonFiniteError
 
 TAKERS: dict[str, Callable[[Any], object]] = {
     "positive": lambda x: positive_number(x, "x: expected a positive finite number"),
@@ -82,3 +86,35 @@ def test_ragged_rows_are_refused(rows: list[list[float]]) -> None:
     lengths = ", ".join(str(len(row)) for row in rows)
     with pytest.raises(ValueError, match=f"rows: expected rows of one length, got {lengths}"):
         stacked_rows(rows, ())
+
+
+class Told:
+    """What has a name, and gives back what it is given."""
+
+    name = "arm"
+
+    @finite_results
+    def result(self, values: Any) -> Any:
+        return np.asarray(values)
+
+
+@pytest.mark.parametrize(
+    ("values", "place"),
+    [([[1.0, 2.0], [3.0, np.nan]], "(1, 1)"), ([[1.0, np.inf], [np.nan, -np.inf]], "(0, 1)"), ([np.nan, 1.0], "(0,)")],
+)
+def test_the_first_number_that_is_not_finite_is_told(values: Any, place: str) -> None:
+    with pytest.raises(NonFiniteError, match=re.escape(f"arm: result is not finite at index {place}")):
+        Told().result(values)
+    with pytest.raises(NonFiniteError, match=re.escape(f"at index {place}")):
+        checked(values, np.shape(values)[-1], "x")
+
+
+def test_lasting_numbers_of_joints_are_one_each_and_cannot_be_written() -> None:
+    assert per_joint(2.0, 3, "x").tolist() == [2.0, 2.0, 2.0]
+    assert not positive_per_joint([1.0, 2.0], 2, "x").flags.writeable
+    assert positive_per_joint([1.0, np.inf], 2, "x", infinite=True).tolist() == [1.0, np.inf]
+    for wrong in ([1.0, np.inf], [1.0, 0.0], [1.0, -2.0]):
+        with pytest.raises(InputError, match="expected positive numbers"):
+            positive_per_joint(wrong, 2, "x")
+    with pytest.raises(InputError, match="expected a number or 3 of them"):
+        per_joint([1.0, 2.0], 3, "x")
