@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import math
 import resource
@@ -21,6 +22,7 @@ def main(arguments: list[str]) -> None:
     """Read a log within bounds, and write its table or the error that it is refused with."""
     reader, path, folder, memory, seconds, *options = arguments
     _bounded(int(memory), float(seconds))
+    gc.disable()  # messages have no cycles, and are looked through for them again and again
     module, _, function = reader.partition(":")
     try:
         found = getattr(import_module(f"adaptctl.logs.{module}"), function)(path, *options)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any, NamedTuple
+from itertools import islice
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +14,10 @@ from adaptctl.arrays import Array
 LITTLE_ENDIAN, BODY, STAMPS = b"\x00\x01\x00\x00", 4, 8
 """head of a message, and bytes of it and of the stamp after it"""
 FIELDS = ("position", "velocity", "effort")
-AT_ONCE, MAX_LAYOUTS = 4096, 8
-"""messages that are decoded at a time, and layouts that are known besides the last one"""
+AT_ONCE, MAX_LAYOUTS = 1024, 8
+"""messages that are decoded at a time, and layouts that are known"""
+Message: TypeAlias = tuple[int, bytes]
+"""time in ns at which a message was logged, and its bytes"""
 
 
 class JointStates(NamedTuple):
@@ -27,10 +30,9 @@ class JointStates(NamedTuple):
 
 
 class _Layout(NamedTuple):
-    """Layout of messages: their size, what is the same in all of them, and the places of their numbers."""
+    """Layout of messages: what is the same in all of them, and the places of their numbers."""
 
     name: Sequence[str]
-    size: int
     same: tuple[tuple[slice, bytes], ...]
     places: tuple[tuple[int, int], ...]
 
@@ -53,15 +55,14 @@ class _Layout(NamedTuple):
             start = place = place + values.nbytes
         if raw[:BODY] != LITTLE_ENDIAN or len(raw) != place:
             return None
-        return cls(message.name, len(raw), tuple((part, raw[part]) for part in fixed), tuple(places))
+        return cls(message.name, tuple((part, raw[part]) for part in fixed), tuple(places))
 
-    def has(self, raw: bytes) -> bool:
-        """True for a message of this layout."""
-        return len(raw) == self.size and all(raw[part] == known for part, known in self.same)
+    def has(self, raw: NDArray[np.uint8]) -> bool:
+        """True if all messages (n, bytes) of a size are of this layout."""
+        return all(bool((raw[:, part] == np.frombuffer(known, dtype=np.uint8)).all()) for part, known in self.same)
 
-    def decoded(self, logged: Sequence[int], messages: Sequence[bytes]) -> JointStates:
-        """Messages of this layout."""
-        raw = np.frombuffer(b"".join(messages), dtype=np.uint8).reshape(len(messages), -1)
+    def decoded(self, logged: Sequence[int], raw: NDArray[np.uint8]) -> JointStates:
+        """Messages (n, bytes) of this layout."""
         sec = np.ascontiguousarray(raw[:, BODY : BODY + 4]).view("<i4")[:, 0].astype(np.int64)
         nanosec = np.ascontiguousarray(raw[:, BODY + 4 : BODY + 8]).view("<u4")[:, 0]
         each = zip(FIELDS, self.places, strict=True)
@@ -69,41 +70,35 @@ class _Layout(NamedTuple):
         return JointStates(self.name, sec * 1_000_000_000 + nanosec, np.array(logged, dtype=np.int64), rows)
 
 
-class _Waiting(NamedTuple):
-    """Messages of one layout that wait to be decoded, with the times in ns at which they were logged."""
-
-    layout: _Layout
-    logged: list[int]
-    messages: list[bytes]
-
-    def decoded(self) -> Iterator[JointStates]:
-        """The messages that waited, if any."""
-        if self.messages:
-            yield self.layout.decoded(self.logged, self.messages)
-        self.logged.clear()
-        self.messages.clear()
-
-
 def joint_states(
-    messages: Iterable[tuple[int, bytes]], decode: Callable[[bytes], Any]
+    messages: Iterable[Message], decode: Callable[[bytes], Any]
 ) -> Iterator[tuple[int, Any] | JointStates]:
-    """Messages with the times in ns at which they were logged: those like one before many at a time."""
-    runs: dict[int, _Waiting] = {}
-    for time, raw in messages:
-        run = runs.get(len(raw))
-        if run is not None and run.layout.has(raw):
-            run.logged.append(time)
-            run.messages.append(raw)
-            if len(run.messages) == AT_ONCE:
-                yield from run.decoded()
-            continue
-        for own in runs.values():
-            yield from own.decoded()
-        message = decode(raw)
-        yield time, message
-        if (layout := _Layout.of(raw, message)) is not None:
-            # Messages of the same joints stay in order: at most one layout of them is known, and few of others.
-            others = {size: own for size, own in runs.items() if set(own.layout.name) != set(layout.name)}
-            runs = {**dict(list(others.items())[-MAX_LAYOUTS:]), layout.size: _Waiting(layout, [], [])}
-    for own in runs.values():
-        yield from own.decoded()
+    """Messages, many at a time where those of a size have one layout, else one by one."""
+    left, known = iter(messages), dict[int, _Layout]()
+    while part := list(islice(left, AT_ONCE)):
+        sizes = {len(raw) for _, raw in part}
+        each = [part] if len(sizes) == 1 else [[one for one in part if len(one[1]) == size] for size in sizes]
+        found = [_alike(own, decode, known) for own in each]
+        alike = [states for states in found if states is not None]
+        # Messages of the same joints stay in order.
+        if len({frozenset(states.name) for states in alike}) == len(sizes):
+            yield from alike
+        else:
+            yield from ((time, decode(raw)) for time, raw in part)
+
+
+def _alike(
+    messages: Sequence[Message], decode: Callable[[bytes], Any], known: dict[int, _Layout]
+) -> JointStates | None:
+    """Messages of one size, if all have one layout, which is known or that of the first."""
+    logged, each = zip(*messages, strict=True)
+    raw = np.frombuffer(b"".join(each), dtype=np.uint8).reshape(len(each), -1)
+    layout = known.get(len(each[0]))
+    if layout is None or not layout.has(raw):
+        layout = _Layout.of(each[0], decode(each[0]))
+    if layout is None or not layout.has(raw):
+        return None
+    if len(known) == MAX_LAYOUTS:
+        known.clear()
+    known[len(each[0])] = layout
+    return layout.decoded(logged, raw)
