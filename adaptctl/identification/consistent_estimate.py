@@ -35,12 +35,12 @@ FAR = np.log(30.0)
 MAX_WARM_STEPS, MAX_STEPS, EDGE_SHARE, FIRST_SHARE = 15, 60, 0.95, 0.1
 # Relative error of P Z and of the slope at which the search ends, that from which on it is near its end, and steps
 # there without half as large an error after which round-off is all that is left, as it is where the objective would
-# fall by no more than a share of the squares.
-ERROR, NEAR_END, IDLE_STEPS, LEAST_FALL = 1e-8, 0.1, 4, 1e-14
+# fall by no more than a share of the squares, or by less than a larger one that has not become half as large either.
+ERROR, NEAR_END, IDLE_STEPS, LEAST_FALL, SMALL_FALL = 1e-8, 0.1, 4, 1e-14, 1e-8
 # Error of the slope below which the corrector is weighed by the square of the predictor's share, and share of a step
 # below which one that only centers is tried, on some times the mean of P Z: else some searches go round for ever. Those
 # that still do begin again with all correctors weighed so, unless the residual is less than a bound.
-SMALL_SLOPE, SHORT, CENTER, ENOUGH = 10.0, 0.5, 3.0, 1e-3
+SMALL_SLOPE, SHORT, CENTER, ENOUGH = 10.0, 0.3, 3.0, 1e-3
 # Sum of the divergence's weights relative to the squares below which it is lost in round-off, and taken to be so large.
 LEAST_WEIGHT = 1e-13
 # Share of each column's square that is added, since data may not tell columns without a prior apart.
@@ -88,15 +88,15 @@ def _multiple(A: Array, b: Array, prior: EntropicPrior) -> list[Array]:
 
 def _searched(problem: _Problem, point: _Point, most: int, small_slope: float) -> tuple[_Point, bool]:
     """Point at which a search ends, and whether its error is that of round-off."""
-    best, idle = np.inf, 0
+    best, lowest, idle = np.inf, np.inf, 0
     for k in range(MAX_STEPS):
         newton = _Newton(problem, point)
-        error = newton.error
+        error, fall = newton.error, newton.fall
         if k >= most and newton.slope_error > small_slope:
             break
-        idle = idle + 1 if 0.5 * best < error < NEAR_END else 0
-        best = min(best, error)
-        if error < ERROR or idle == IDLE_STEPS or newton.fall < LEAST_FALL:
+        idle = idle + 1 if 0.5 * best < error < NEAR_END or 0.5 * lowest < fall < SMALL_FALL else 0
+        best, lowest = min(best, error), min(lowest, fall)
+        if error < ERROR or idle == IDLE_STEPS or fall < LEAST_FALL:
             return point, True
         try:
             point = newton.next_point(small_slope)
