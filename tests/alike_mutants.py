@@ -56,7 +56,6 @@ ALIKE = {
     "adaptctl/contest/ranking.py::agreement (one.ratio(*pair) - 1.0) * (other.ratio(*pair) - 1.0) < 0.0 -> "
     "(one.ratio(*pair) - 1.0) * (other.ratio(*pair) - 1.0) <= 0.0": "ratios of 1 are within their intervals",
     "envs/rendering.py::intersect height > 0.0 -> height >= 0.0": "no ray meets the rim of an end to the last bit",
-    "adaptctl/logs/parquet.py::_long 8 -> 9": "a file is the same, read whole or by batches",
     "adaptctl/logs/on_disk.py::_mapped os.fstat(file.fileno()).st_size < size -> "
     "os.fstat(file.fileno()).st_size <= size": ("a file that is made as long as it is stays as it is"),
     "adaptctl/logs/text.py::_long Path(path).stat().st_size < on_disk.LARGE -> "
