@@ -35,7 +35,7 @@ from adaptctl.design import (
 from adaptctl.design.counterweights import _Search
 from adaptctl.design.mounting_bounds import bounds
 from adaptctl.design.picture import _moved
-from adaptctl.design.study import _heaviest
+from adaptctl.design.study import _heaviest, _lifts_nothing
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, NonFiniteError
 
@@ -68,6 +68,17 @@ def test_an_arm_that_was_not_run_swings_and_a_loop_less_but_for_its_first_joint(
         for j, size in enumerate(sizes):
             expected = size * np.sin(2.0 * np.pi * (j + 1) * time / 6.0)
             np.testing.assert_allclose(p[:, j] - arm.neutral_configuration[j], expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("size", [1.6, 9.81])
+def test_a_first_axis_within_a_millionth_of_the_vertical_lifts_nothing(size: float) -> None:
+    first, other = adaptctl.load("puma560_measured").links[:2]
+
+    def idle(tilt: float) -> bool:
+        return _lifts_nothing(first, size * np.array([np.sin(tilt), 0.0, -np.cos(tilt)]))
+
+    assert (idle(0.9e-6), idle(1.1e-6)) == (True, False)
+    assert not _lifts_nothing(other, size * np.array([0.0, 0.0, -1.0]))
 
 
 def test_of_many_links_the_six_that_may_carry_the_heaviest_do() -> None:

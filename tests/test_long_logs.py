@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from synthetic_logs import Known, known
 
 from adaptctl.identification import long_logs
+from adaptctl.identification.columns import JointLog
 from adaptctl.identification.fit import FitSettings, LogEvidence
 from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.gathering import gathered
@@ -18,14 +21,21 @@ def case() -> Known:
     return known(7, duration=40.0, rate=200.0)
 
 
+def resting(log: JointLog) -> JointLog:
+    """The same log, with a rest of three seconds instead of its last ones."""
+    rows = np.insert(np.arange(len(log.time)), 3000, np.full(600, 3000))[: len(log.time)]
+    return replace(log, position=log.position[rows], torque=log.torque[rows])
+
+
 @pytest.fixture
 def both(case: Known, monkeypatch: pytest.MonkeyPatch) -> tuple[LogEvidence, LogEvidence]:
     """Evidence of all rows at once, and in stretches."""
-    whole = gathered(case.guess, case.drives, [case.log, case.log])[0]
+    logs = [case.log, resting(case.log)]
+    whole = gathered(case.guess, case.drives, logs)[0]
     monkeypatch.setattr(long_logs, "LONG", 0)
     monkeypatch.setattr(long_logs, "KEPT", 7_000_000)
     monkeypatch.setattr(long_logs, "STRETCH", 1500)
-    return whole, gathered(case.guess, case.drives, [case.log, case.log])[0]
+    return whole, gathered(case.guess, case.drives, logs)[0]
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.004])

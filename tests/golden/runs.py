@@ -44,6 +44,20 @@ def simulated(effects: str) -> dict[str, str]:
     return {name: told(value) for name, value in arrays.items() if isinstance(value, np.ndarray | float)}
 
 
+def tried() -> dict[str, str]:
+    """Trials of a tuning with noisy encoders, of which one has twice the damping and late torques."""
+    from adaptctl.simulation.effects import Encoder, FilteredDifferences
+    from adaptctl.tuning.stated_effects import plant_with
+    from adaptctl.tuning.trial_runs import run_trials
+
+    law = law_of_two("gradient")
+    mechanism = law.model.mechanism
+    plant = plant_with(mechanism, 1e-3, np.full(2, 20.0), (FilteredDifferences(80.0), Encoder(1e-3, 1e-3, 1e-2)))
+    laws, true = [law, law.having({"damping": 2.0 * law.damping})], np.tile(mechanism.inertial_parameters, (2, 1))
+    runs = run_trials(plant, laws, swinging(law), np.full(2, 0.05), 0.5, true, np.array([False, True]))
+    return {name: told(values) for name, values in runs._asdict().items()}
+
+
 def recorded(name: str) -> str:
     """Numbers with which exported C is tested."""
     import adaptctl
@@ -88,6 +102,7 @@ RUNS: Mapping[str, Callable[[], Any]] = {
     **{f"run, {effects} effects": partial(simulated, effects) for effects in ("none", "rigid", "elastic")},
     **{f"recorded, {law}": partial(recorded, law) for law in ("guarded", "tool in the world", "linear")},
     "in a page, gradient": partial(shown, "gradient"),
+    "tried": tried,
     "identified": identified,
 }
 
