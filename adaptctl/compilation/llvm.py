@@ -37,6 +37,10 @@ class Program(NamedTuple):
     pieces: str = ""
     quick: bool = False
 
+    def entered_by(self, function: str) -> tuple[str, str]:
+        """Both modules, with a function that calls this in the first one that is not empty."""
+        return (f"{self.text}\n{function}", self.pieces) if self.text else ("", f"{self.pieces}\n{function}")
+
 
 def program(
     routine: Routine,
@@ -58,9 +62,12 @@ def program(
         functions.append(_function(before, parts[before], symbols, lanes))
         parts[routine] = pieces(same.left(routine), {**same.places, **landed})
     own = _function(routine, parts[routine], symbols, lanes, same, uniform)
-    whole = len(parts[routine]) == 1 or all(isinstance(r, Routine) for r in symbols)
+    straight = all(isinstance(r, Routine) for r in symbols)
+    whole = len(parts[routine]) == 1 or straight
     if whole and not quick:
         return Program(_with_sines([*functions, own], lanes), symbol)
+    if quick and straight:
+        return Program("", symbol, _with_sines([fused(text) for text in (*functions, own)], lanes), quick)
     own = fused(own) if whole else own
     declared += [f"declare void @{symbols[r]}({', '.join(_pointers(r, NONE))})" for r in called]
     functions = [text.replace("define internal void", "define void") for text in functions]

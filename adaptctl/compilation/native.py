@@ -106,13 +106,13 @@ class NativeCode:
 
 
 def load(text: str, processor: Processor | None = None, pieces: str = "") -> NativeCode:
-    """The `NativeCode` of a module of LLVM IR, `text`, and of one of `pieces` that is compiled quickly."""
+    """The `NativeCode` of a module of LLVM IR, `text`, and of one of `pieces` that is compiled quickly; both if any."""
     with _compiler():
         processor, level = processor or Processor.host(), optimization()
         machine = processor.machine(level)
         if level == QUICK:  # which would fuse in lanes alone
             text, pieces = text.replace(" contract ", " "), pieces.replace(" contract ", " ")
-        objects = [_object(text, processor, machine, level)]
+        objects = [_object(text, processor, machine, level)] if text else []
         if pieces:
             objects.append(_object(pieces, processor, processor.machine(QUICK), QUICK))
         return NativeCode(objects, machine)

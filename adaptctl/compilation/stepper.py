@@ -225,9 +225,10 @@ class Stepper:
         self._called, apart = _shared(routine, lanes, processor) if lanes.count == 1 else ([], {})
         shared = range(first, first + len(columns[Source.SHARED]))
         quick = quick and lanes.count == 1 and optimization() == LEVEL
-        text, symbol, pieces, self.quick = program(routine, lanes, same, shared, apart, quick)
+        made = program(routine, lanes, same, shared, apart, quick)
         lengths = {source: tuple(part.values()) for source, part in columns.items()}
-        self._code = load(f"{text}\n{loop(routine, symbol, lanes, lengths, len(same.stored))}", processor, pieces)
+        text, pieces = made.entered_by(loop(routine, made.symbol, lanes, lengths, len(same.stored)))
+        self.quick, self._code = made.quick, load(text, processor, pieces)
         self.native = NativeLoop(self._code.address(ENTRY))
 
     def ensemble(self, members: int) -> Ensemble:
