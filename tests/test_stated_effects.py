@@ -147,7 +147,7 @@ def test_a_gradient_that_coarse_encoders_make_diverge_is_refused() -> None:
 @pytest.mark.filterwarnings("ignore::adaptctl.errors.TuningWarning")
 def test_a_delay_that_no_gains_hold_is_refused() -> None:
     with pytest.raises(VerdictError, match="fail"):
-        adaptctl.adaptive_controller(so101(), delay=8)
+        adaptctl.adaptive_controller(so101(), delay=16)
 
 
 @pytest.mark.nightly
