@@ -25,6 +25,8 @@ from adaptctl.recording.views import TIMELINE
 
 # Largest number of samples of a curve.
 MAX_CURVE_SAMPLES = 4000
+# Time in s after which a disk is taken as full, megabytes being written in far less.
+MAX_WRITING_TIME = 20.0
 # Error in rad or m as which smaller ones are shown, since the axis is logarithmic.
 MIN_SHOWN_ERROR = 1e-9
 
@@ -64,20 +66,18 @@ def saved_stream(
     of: dict[str, Any] = {"geometry_sha256": mechanism.geometry_sha256} if mechanism is not None else {}
     with replacing(path) as beside:
         recording = rr.RecordingStream(f"adaptctl-{shown.experiment}", recording_id=identifier, make_default=False)
-        try:
-            recording.save(beside)
-            recording.send_blueprint(blueprint)
-            recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-            recording.send_recording_name(shown.title)
-            how: dict[str, Any] = {"experiment": shown.experiment, "seed": shown.seed, "complete": shown.complete}
-            # Rerun leaves out what is empty, unless an earlier recording of this process had more under its name.
-            told = {name: value for name, value in properties.items() if value not in ("", [])}
-            about = rr.AnyValues(**told | how | of, content_sha256=checksum)
-            recording.send_property("adaptctl", about)
-            yield recording
-            _flush(recording, path)
-        finally:
-            recording.disconnect()
+        recording.save(beside)
+        recording.send_blueprint(blueprint)
+        recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        recording.send_recording_name(shown.title)
+        how: dict[str, Any] = {"experiment": shown.experiment, "seed": shown.seed, "complete": shown.complete}
+        # Rerun leaves out what is empty, unless an earlier recording of this process had more under its name.
+        told = {name: value for name, value in properties.items() if value not in ("", [])}
+        about = rr.AnyValues(**told | how | of, content_sha256=checksum)
+        recording.send_property("adaptctl", about)
+        yield recording
+        written(recording)
+        recording.disconnect()
         _verify(beside)
 
 
@@ -91,12 +91,17 @@ def log_picture(recording: rr.RecordingStream, path: str, file: Path) -> None:
     recording.log(path, rr.EncodedImage(contents=file.read_bytes(), media_type="image/png"), static=True)
 
 
-def _flush(recording: rr.RecordingStream, path: str | Path) -> None:
-    """See everything written; only this tells of a full disk."""
+# Streams to a full disk, kept as rerun would wait without end before it took them apart.
+_unwritten: list[rr.RecordingStream] = []
+
+
+def written(recording: rr.RecordingStream) -> None:
+    """Wait for all that was logged to be in the file, and no longer in memory; of a full disk rerun tells nothing."""
     try:
-        recording.flush()
+        recording.flush(timeout_sec=MAX_WRITING_TIME)
     except RuntimeError as error:
-        raise FileError(f"{path}: cannot be written ({error}). The disk may be full") from error
+        _unwritten.append(recording)
+        raise FileError(f"the recording cannot be written ({error}); the disk may be full") from error
 
 
 def _verify(path: Path) -> None:
