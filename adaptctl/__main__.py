@@ -29,6 +29,7 @@ def run() -> NoReturn:
     """Run the command line and exit with its code."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # more only wait for each other, at matrices of this size
     os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")  # its own keeps what is freed
+    os.environ.setdefault("MIMALLOC_PURGE_DELAY", "0")  # as rerun's does
     _on_signals(_leave)  # while packages are imported, there is nothing to keep
     gc.set_threshold(*COLLECTED)
     keep_without_terminal()

@@ -47,6 +47,7 @@ from adaptctl.recording.contact_force import is_touched
 from adaptctl.simulation import Plant, Rollout
 from adaptctl.simulation.law_operations import law_flops
 from adaptctl.simulation.rollout import known_steps, stepped
+from adaptctl.simulation.shared_columns import with_shared_columns
 from adaptctl.simulation.simulate import simulated
 from adaptctl.tuning.rotors import warn_of_rotors
 
@@ -303,7 +304,7 @@ def contest(
                 own, mechanism, one.controller, record_every=every, seed=seed, options=dict(options), progress=told
             )
             if len(result.time):
-                result = _sharing(runs[0].rollout, result) if runs else result
+                result = with_shared_columns(result, runs[0].rollout if runs else result)
                 runs.append(ControllerRun(one.name, one.label, one.prior_knowledge, result, law=law_of(one.controller)))
             if result.interrupted:
                 break
@@ -319,13 +320,6 @@ def contest(
     if not runs:
         raise KeyboardInterrupt
     return Outcome(mechanism, tuple(runs), complete)
-
-
-def _sharing(first: Rollout, run: Rollout) -> Rollout:
-    """A run that has the first one's reference where it is the same, so that it is in memory once."""
-    names = ("time", "reference_p", "reference_v", "reference_a")
-    same = {name: getattr(first, name) for name in names}
-    return replace(run, **{name: x for name, x in same.items() if np.array_equal(x, getattr(run, name))})
 
 
 def thinning(samples: int) -> int:

@@ -30,7 +30,16 @@ from adaptctl.recording.judgement import (
 from adaptctl.recording.page import Lines, Report, Table, answers_table
 from adaptctl.recording.scene import WORLD, entity, log_arm, log_arrows, log_base, log_path, log_surroundings, log_trail
 from adaptctl.recording.skeleton import Skeleton, Viewpoint, floor_height, skeleton
-from adaptctl.recording.stream import Curves, in_decades, levels, log_curves, log_markdown, of_joints, saved_stream
+from adaptctl.recording.stream import (
+    Curves,
+    in_decades,
+    levels,
+    log_curves,
+    log_markdown,
+    of_joints,
+    saved_stream,
+    written,
+)
 from adaptctl.recording.summary import properties
 from adaptctl.recording.touches import touches
 from adaptctl.recording.views import TIMELINE
@@ -81,6 +90,7 @@ def log_scene(
     every = thinned(len(subject.rollout.time), MAX_POSES)
     time, desired = subject.rollout.time[every], subject.rollout.reference_p[every]
     goal = log_arm(recording, f"{within}desired", mechanism, parts, time, desired, GOAL, ghost=True)
+    written(recording)  # an arm's meshes are megabytes
     log_path(recording, f"{within}path/desired", goal, GOAL)
     moving = [(subject, color)]
     moving += [(baseline, run_color(comparison.color_indices[baseline.name]))] if baseline else []
@@ -89,6 +99,7 @@ def log_scene(
         time, p, ghost = run.rollout.time[every], run.rollout.p[every], run is not subject
         tip = log_arm(recording, f"{within}{run.name}", mechanism, parts, time, p, paint, ghost=ghost)
         log_trail(recording, f"{within}trail/{run.name}", time, tip, paint)
+        written(recording)
     if (forces := contact_forces(subject.rollout)).any():
         every = thinned(len(subject.rollout.time), MAX_POSES)
         points = contact_points(subject.rollout)[every]

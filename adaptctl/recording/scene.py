@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
-from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -96,7 +95,7 @@ def log_arrows(
 
 def log_surroundings(recording: rr.RecordingStream, name: str, surroundings: Sequence[Visual]) -> None:
     """Draw what stands beside an arm, translucent, so that it hides neither arm nor force."""
-    _log_visuals(recording, f"{WORLD}/{name}", [(one, b"") for one in surroundings], BODY, ghost=True)
+    _log_visuals(recording, f"{WORLD}/{name}", surroundings, BODY, ghost=True)
 
 
 def log_path(recording: rr.RecordingStream, name: str, path: Array, color: Color) -> None:
@@ -113,7 +112,7 @@ def log_base(
     feet = np.array([link.parent_to_joint.translation for link in mechanism.links if link.parent == GROUND])
     shown = visuals(mechanism.description)
     if own := _log_visuals(recording, f"{WORLD}/{name}", shown.get(GROUND, ()), BASE, False):
-        lowest = min(float(visual.pose.translation[2]) for visual, _ in own)
+        lowest = min(float(visual.pose.translation[2]) for visual in own)
         feet[:, 2] = np.minimum(feet[:, 2], max(lowest, floor))
     feet = feet[_may_have_pedestal(mechanism, feet, 2.2 * radius)]
     if not len(feet):
@@ -183,40 +182,37 @@ MEDIA_TYPES = {
 MAX_MESH_BYTES = 12_000_000
 
 
-def visuals(description: Description) -> dict[int, list[tuple[Visual, bytes]]]:
-    """Shapes of a robot's file by link (-1 for the ground), with the bytes of their meshes."""
-    contents: dict[Path, bytes] = {}
-    for path in {visual.solid.path for visual in description.visuals if isinstance(visual.solid, Mesh)}:
-        with suppress(OSError):  # it was there when the mechanism was read
-            contents |= {path: path.read_bytes()} if path.suffix.lower() in MEDIA_TYPES else {}
-    found: dict[int, list[tuple[Visual, bytes | None]]] = {}
-    for visual in description.visuals:
-        content = contents.get(visual.solid.path) if isinstance(visual.solid, Mesh) else b""
-        found.setdefault(visual.link, []).append((visual, content))
-    if sum(map(len, contents.values())) > MAX_MESH_BYTES:
+def visuals(description: Description) -> dict[int, list[Visual]]:
+    """Shapes of a robot's file by link (-1 for the ground), without links of which a mesh cannot be read."""
+    meshes = {visual.solid.path for visual in description.visuals if isinstance(visual.solid, Mesh)}
+    shown = {path for path in meshes if path.suffix.lower() in MEDIA_TYPES and os.access(path, os.R_OK)}
+    if sum(path.stat().st_size for path in shown) > MAX_MESH_BYTES:
         return {}
-    whole = {link: [(one, content) for one, content in own if content is not None] for link, own in found.items()}
-    return {link: own for link, own in whole.items() if len(own) == len(found[link])}
+    found: dict[int, list[Visual]] = {}
+    for visual in description.visuals:
+        found.setdefault(visual.link, []).append(visual)
+    hidden = {v.link for v in description.visuals if isinstance(v.solid, Mesh) and v.solid.path not in shown}
+    return {link: own for link, own in found.items() if link not in hidden}
 
 
 def _log_visuals(
-    recording: rr.RecordingStream, path: str, own: Sequence[tuple[Visual, bytes]], color: Color, ghost: bool
-) -> Sequence[tuple[Visual, bytes]]:
-    for k, (visual, content) in enumerate(own):
+    recording: rr.RecordingStream, path: str, own: Sequence[Visual], color: Color, ghost: bool
+) -> Sequence[Visual]:
+    for k, visual in enumerate(own):
         scale = visual.solid.scale if isinstance(visual.solid, Mesh) else None
         pose = rr.Transform3D(translation=visual.pose.translation, mat3x3=visual.pose.rotation, scale=scale)
-        recording.log(f"{path}/visual/{k}", pose, _drawn_visual(visual, content, color, ghost), static=True)
+        recording.log(f"{path}/visual/{k}", pose, _drawn_visual(visual, color, ghost), static=True)
     return own
 
 
-def _drawn_visual(visual: Visual, content: bytes, color: Color, ghost: bool) -> rr.AsComponents:
+def _drawn_visual(visual: Visual, color: Color, ghost: bool) -> rr.AsComponents:
     solid, look = visual.solid, _look(color, ghost)
     if visual.color is not None and not ghost:
         look["colors"] = [[round(255 * part) for part in visual.color]]
     if isinstance(solid, Mesh):
         kind = solid.path.suffix.lower()  # files but STL's have colours of their own
         albedo = look["colors"][0] if ghost or kind == ".stl" else None
-        return rr.Asset3D(contents=content, media_type=MEDIA_TYPES[kind], albedo_factor=albedo)
+        return rr.Asset3D(contents=solid.path.read_bytes(), media_type=MEDIA_TYPES[kind], albedo_factor=albedo)
     if isinstance(solid, Box):
         return rr.Boxes3D(sizes=[solid.size], **look)
     if isinstance(solid, Cylinder):
