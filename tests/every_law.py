@@ -128,7 +128,7 @@ def laws_on(model: ReducedModel, pair: ReducedModel) -> dict[str, Controller[Any
         "projected composite": on(model, Projection(Composite(gain, 0.3, 15.0), -wide, wide)),
         "subspace": on(model, Subspace(gain[:4], np.eye(len(true))[:, :4])),
         "integral": on(model, gain, PassivityIntegral),
-        "leaky integral": on(model, gain, LeakyIntegral, leak=3.0, integral_share=0.01),
+        "leaky integral": on(model, gain, LeakyIntegral, leak=3.0, integral_share=0.01, added_rate=90.0),
         "tool": on(model, gain, TaskSpaceSlotineLi, singularity=0.1, axes=axes, reference_in_joints=True),
         "tool in the world": on(model, gain, TaskSpaceSlotineLi, singularity=0.1, axes=(0, 1)),
         "joint impedance": on(pair, few, JointImpedance),

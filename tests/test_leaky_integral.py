@@ -23,16 +23,23 @@ def fast(run: Loop) -> Array:
     return np.array([state.controller_state.torque for state in run.states])
 
 
+def agreed(run: Loop) -> Array:
+    """Shares (T, r) of the time in which speeds agreed with positions."""
+    return np.array([state.controller_state.agreed for state in run.states])
+
+
 @settings(max_examples=5, deadline=None)
-@given(rate=st.floats(5.0, 100.0), leak=st.floats(0.1, 10.0), seed=st.integers(0, 100))
-def test_v_with_the_energy_of_the_integral_never_rises(rate: float, leak: float, seed: int) -> None:
+@given(rate=st.floats(5.0, 100.0), added=st.floats(0.0, 100.0), leak=st.floats(0.1, 10.0), seed=st.integers(0, 100))
+def test_v_with_the_energy_of_the_integral_never_rises(rate: float, added: float, leak: float, seed: int) -> None:
     mechanism, damping, own = arm(NAME), gains(NAME).damping, 0.1 * own_gain(NAME)
-    law = LeakyIntegral(reduced(NAME), 5.0, damping, own, torque_limits=np.inf, integral_rate=rate, leak=leak)
+    settings = {"torque_limits": np.inf, "integral_rate": rate, "added_rate": added, "leak": leak}
+    law = LeakyIntegral(reduced(NAME), 5.0, damping, own, **settings)
     run = loop(law, mechanism, swinging(mechanism, seed), 0.5)
+    rates = rate + added * agreed(run)
     V = (
         kinetic(mechanism, run)
         + distance(law, run, mechanism.inertial_parameters)
-        + 0.5 * (fast(run) ** 2 / (rate * damping)).sum(1)
+        + 0.5 * (fast(run) ** 2 / (rates * damping)).sum(1)
     )
     assert np.diff(V).max() < 1e-5 * V[0]
     assert V[0] - V[-1] > 0.9 * kinetic(mechanism, run)[0]
@@ -85,13 +92,30 @@ def test_the_default_law_follows_friction_that_is_in_no_model_as_the_gradient_do
     assert learned[0] < 0.12 * true[0]
 
 
+def test_the_rate_rises_with_exact_speeds_and_falls_with_late_ones_no_faster_than_the_leak_pays() -> None:
+    mechanism, model = arm(SMALL), reduced(SMALL)
+    law = LeakyIntegral(model, 5.0, gains(SMALL).damping, torque_limits=np.inf, leak=10.0, added_rate=100.0)
+    reference, share = swinging(mechanism), []
+    state = law.init(reference(0.0).p, reference(0.0).v)
+    for k in range(1, 400):
+        late = 3e-3 if k > 200 else 0.0
+        t = 1e-3 * k
+        _, state = law.step(state, reference(t).p, reference(t - late).v, reference(t))
+        share.append(state.controller_state.agreed)
+    assert np.min(share[199]) > 0.95
+    assert np.max(share[-1]) < 0.1
+    assert np.min(np.array(share[200:]) / share[199:-1]) == pytest.approx(1.0 / 1.02, rel=1e-12)
+
+
 @pytest.mark.parametrize(
     ("made", "says"),
     [
         (
             lambda: {"integral_rate": 201.0},
-            r"integral_rate: 201 1/s is too fast for a control period of 0.001 s; use at most 200 1/s",
+            "integral_rate: 201 1/s, with what is added, is too fast for a control period of 0.001 s; use at most 200",
         ),
+        (lambda: {"added_rate": 161.0}, "integral_rate: 201 1/s, with what is added, is too fast"),
+        (lambda: {"added_rate": -1.0}, "added_rate: expected at least 0 1/s, got -1"),
         (lambda: {"integral_rate": 0.0}, "integral_rate: expected a positive number in 1/s"),
         (lambda: {"leak": -1.0}, "leak: expected a positive number in 1/s"),
         (lambda: {"integral_share": np.nan}, "integral_share: expected a positive number"),

@@ -43,8 +43,9 @@ def slotine_li(
     shared = model, bandwidth, damping, law, initial, control_period, workspace, limits
     if not isinstance(law, GuardedLearning):
         return SlotineLi(*shared)
-    slowest = (1 + law.delay) * control_period
-    return LeakyIntegral(*shared, integral_rate=min(LeakyIntegral.integral_rate, MAX_RATE / slowest))
+    fastest = MAX_RATE / ((1 + law.delay) * control_period)
+    rate = min(LeakyIntegral.integral_rate, fastest)
+    return LeakyIntegral(*shared, integral_rate=rate, added_rate=fastest - rate)
 
 
 def learning_by_rule(
