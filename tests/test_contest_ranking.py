@@ -22,7 +22,7 @@ from adaptctl.contest.figures import drawings, latex
 from adaptctl.contest.measures import ContestRuns, measured
 from adaptctl.contest.page import content, short, tint, write_page
 from adaptctl.contest.ranking import Ranking, _settled, agreement
-from adaptctl.contest.resampling import median_interval, medians
+from adaptctl.contest.resampling import _counts, median_interval, medians
 from adaptctl.contest.step_times import slowest
 
 
@@ -54,6 +54,18 @@ def test_robots_of_a_family_are_one_block_and_are_drawn_together() -> None:
     assert together.critical_difference == pytest.approx(alone.critical_difference * np.sqrt(2.0))
     assert alone.over("a", "b")[:2] == pytest.approx((0.5, 0.25))  # of four robots, three draws of ur5 are not rare
     assert together.over("a", "b") == pytest.approx((0.5, 0.5, 2.0))
+
+
+def test_seeds_and_families_are_drawn_anew_from_one_stream_for_ever() -> None:
+    """So that a page says the same each time; families with all of their robots."""
+    counts = _counts(("ur", "panda", "ur"), (3, 2, 4)).reshape(-1, 3, 2, 4)
+    rng = np.random.default_rng(0)
+    seeds = rng.integers(0, 4, (len(counts), 4))
+    panda, ur = np.sum(rng.integers(0, 2, (len(counts), 2))[:, :, None] == [0, 1], axis=1).T
+    for b in (0, 1, len(counts) - 1):
+        robots = np.array([ur[b], panda[b], ur[b]])
+        for condition in (0, 1):
+            np.testing.assert_array_equal(counts[b, :, condition], np.outer(robots, np.bincount(seeds[b], minlength=4)))
 
 
 @given(st.lists(st.integers(-3, 3) | st.just(np.nan), min_size=1, max_size=9), st.integers(0, 99))

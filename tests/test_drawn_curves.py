@@ -10,6 +10,7 @@ from comparisons import PERIOD, comparison
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import load
+from adaptctl.experiments.over_time import over_time
 from adaptctl.recording import Comparison
 from adaptctl.recording.contact_force import contact_forces, contact_points
 from adaptctl.recording.drawing import thinned
@@ -41,6 +42,13 @@ def test_figures_over_time_say_so(shown: Comparison) -> None:
     for name in ("tracking-error", "joint-errors", "torque", "lyapunov"):
         figure = drawings(shown)[name].draw()
         assert "time [s]" in {figure.get_supxlabel(), *(axes.get_xlabel() for axes in figure.axes)}, name
+
+
+@pytest.mark.parametrize(("samples", "drawn"), [(600, 600), (601, 301), (1201, 401)])
+def test_values_over_time_are_six_hundred_at_most(samples: int, drawn: int, shown: Comparison) -> None:
+    (run,) = shown.runs[:1]
+    (line,) = over_time([run], {run.name: np.ones(samples)}, "y").axes[0].lines
+    assert len(np.asarray(line.get_xdata())) == drawn
 
 
 def test_errors_of_joints_are_drawn_whole_and_in_their_last_two_seconds(shown: Comparison) -> None:
