@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from adaptctl.description import ClosureKind, Description, JointKind, Limits, Pose, read, read_mechanism_file
 from adaptctl.description.pose import FrameKind, NamedFrame, roll_pitch_yaw
-from adaptctl.description.writers.mechanism_file import mechanism_toml
+from adaptctl.description.writers.mechanism_file import _rpy, mechanism_toml
 from adaptctl.dynamics import load
 from adaptctl.errors import FileError, InputError, LoopError, NotFoundError
 
@@ -341,3 +342,13 @@ def test_a_missing_file(tmp_path: Path) -> None:
         read(tmp_path / "none.toml")
     with pytest.raises(NotFoundError, match="semi_direct_drive"):
         read("semi_direct_driv")
+
+
+@pytest.mark.parametrize("pitch", [0.3, -1.2, 0.5 * np.pi, -0.5 * np.pi])
+@pytest.mark.parametrize(("roll", "yaw"), [(0.0, 0.0), (0.4, -2.5), (-3.0, 1.0)])
+def test_written_angles_turn_as_the_matrix_does(roll: float, pitch: float, yaw: float) -> None:
+    """By SciPy's rotations; where the pitch is a right angle, the yaw is zero."""
+    R = Rotation.from_euler("xyz", (roll, pitch, yaw)).as_matrix()
+    found = _rpy(R)
+    np.testing.assert_allclose(Rotation.from_euler("xyz", found).as_matrix(), R, rtol=0, atol=1e-12)
+    assert abs(pitch) < 1.5 or found[2] == 0.0

@@ -19,7 +19,7 @@ from adaptctl.description.right_angles import ROUNDED_ANGLE, near_right_angles
 from adaptctl.description.writers.mechanism_file import write_mechanism
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.recursion.kinematics import link_poses
-from adaptctl.dynamics.rounded_angles import ROUNDED_TORQUE, _states, torque_change
+from adaptctl.dynamics.rounded_angles import ROUNDED_TORQUE, _states, as_meant, torque_change
 from adaptctl.errors import PlausibilityWarning, RankError, RoundedAnglesWarning
 from adaptctl.identifiability import essential_space
 
@@ -94,6 +94,11 @@ def test_angles_that_torques_tell_stay(tmp_path: Path) -> None:
         if not rounded:
             with pytest.raises(RankError, match=r"38 for the geometry as given, but 36"):
                 essential_space(arm)
+
+
+def test_one_rounded_angle_is_told_as_one() -> None:
+    with pytest.warns(RoundedAnglesWarning, match=r"^a file: 1 rounded angle taken"):
+        as_meant(tilted(1e-6), "a file")
 
 
 def test_the_change_of_torques_is_that_of_another_recursion() -> None:
