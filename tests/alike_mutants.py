@@ -97,6 +97,9 @@ ALIKE = {
     "envs/contact.py::beside 0 -> 1 (again 1)": "a ball has one size",
     "envs/contact.py::beside 0 -> 1 (again 2)": "links have inertias of their own, beside which no shape's mass counts",
     "envs/video.py::VideoRecorder._write False -> True": "clips of images have no sound to write",
+    "adaptctl/dynamics/loops/continuation.py::Continuation.progress 1 -> 2 (again 2)": (
+        "a step after the last is of no configuration"
+    ),
     "adaptctl/design/simplifications.py::by_symmetry "
     "np.abs(solved) < ZERO_COEFFICIENT -> np.abs(solved) <= ZERO_COEFFICIENT": (
         "no coefficient is 1e-11 to the last bit"
