@@ -14,6 +14,7 @@ import pytest
 from contest_rows import entry, reasons
 from nightly import at_night
 
+from adaptctl.contest import trial
 from adaptctl.contest.entries import LONGEST_REASON, ContestEntry, _laws
 from adaptctl.contest.known import Knowledge
 from adaptctl.contest.laws import Entrant, _computed_torque
@@ -56,6 +57,19 @@ def test_a_law_that_is_too_slow_once_is_not_tried_again(monkeypatch: pytest.Monk
         ("clean", 1, ""), ("clean", 2, ""), *[(x, seed, "too slow") for x in ("noise", "halt") for seed in (1, 2)],
     ]  # fmt: skip
     assert {row["knows"] for row in rows[2:]} == {"limits"}
+
+
+@pytest.mark.parametrize("most", [50_000, 49_999])
+def test_a_step_takes_so_many_operations_at_most(most: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(trial, "operations", lambda law: 50_000)
+    monkeypatch.setattr(trial, "MAX_OPERATIONS", most)
+    entrant: Any = SimpleNamespace(make=lambda known: SimpleNamespace(dof=2), knows=None)
+    known: Any = SimpleNamespace(dof=2)
+    if most < 50_000:
+        with pytest.raises(InputError, match="too slow: 50,000 operations"):
+            trial._tried(entrant, known)
+    else:
+        assert trial._tried(entrant, known) == 50_000
 
 
 def test_one_law_serves_all_seeds_that_are_told_the_same() -> None:
