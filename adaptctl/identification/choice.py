@@ -17,6 +17,7 @@ from adaptctl.identification.fit import Fit, FitSettings, LogEvidence
 from adaptctl.identification.friction_model import ALWAYS, CANDIDATES, FrictionModel
 from adaptctl.identification.least_squares import weighted_least_squares
 from adaptctl.identification.noise_choice import lasting_times
+from adaptctl.identification.one_way import one_way_offsets
 from adaptctl.identification.position_noise import clean_cutoffs
 from adaptctl.identification.springs import spring_kinds, told_kinds, untold_springs, validate_told
 from adaptctl.stages import stage
@@ -70,10 +71,13 @@ def choose(
     terms = friction or FrictionModel()
     settings = FitSettings(terms, first, cutoff or evidence.band, SLOW_CANDIDATES[0], untold=untold)
     search = _Selection(evidence, [])
-    widest = replace(settings, friction=friction or FrictionModel((*ALWAYS, DriveParameter.OFFSET)))
-    settings = replace(settings, left_out=contradictory(evidence, widest))
-    sprung = friction or widest.friction.also(spring_kinds(evidence.mechanism))
-    settings = replace(settings, untold=untold_springs(evidence, replace(settings, friction=sprung)))
+    offsets = one_way_offsets(evidence)
+    widest = friction or FrictionModel((*ALWAYS, DriveParameter.OFFSET))
+    strict = replace(settings, friction=widest, untold=(*untold, *offsets))
+    settings = replace(settings, left_out=contradictory(evidence, strict))
+    sprung = friction or widest.also(spring_kinds(evidence.mechanism))
+    springs = untold_springs(evidence, replace(settings, friction=sprung))  # beside offsets, which they may be
+    settings = replace(settings, untold=(*springs, *offsets))
     if friction is None:
         settings = search.best([replace(settings, friction=c) for c in CANDIDATES], "friction", _friction)
         settings = search.best(_sprung(evidence, settings), "springs", _friction)

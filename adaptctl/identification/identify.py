@@ -44,6 +44,7 @@ from adaptctl.identification.log_checks import (
     told_first,
 )
 from adaptctl.identification.log_files import read_log
+from adaptctl.identification.one_way import one_way_words
 from adaptctl.identification.own_gravity import validate_not_added, with_own_gravity
 from adaptctl.identification.payloads import with_unknown_payloads
 from adaptctl.identification.preparation import PreparationStep
@@ -293,18 +294,17 @@ def _of_checked(
     origin = "the last 40 % of the logs" if late else ", ".join(log.source for log in test)
     held_out = HeldOut(judged, origin, *cutoffs, choice.settings.left_out)
     read = dict.fromkeys(note for log in (*train, *test) for note in log.notes)
-    geared = [f"{meaning.slopes.name}: {meaning.slopes.outcome}"] if meaning.other_side else []
-    untold = left_out(choice.settings, springs, meaning)
     doubts = () if is_answered(meaning, choice.settings.friction, bool(late_torques)) else doubts
     excess = excess_misfit(training, fit, held_out)
     notes = (
         *doubts,
-        *geared,
+        *([f"{meaning.slopes.name}: {meaning.slopes.outcome}"] if meaning.other_side else ()),
         *read,
         *still_words(still),
+        *one_way_words(training),
         *remarks,
         *whole.words,
-        *untold,
+        *left_out(choice.settings, springs, meaning),
         *filter(None, [late_torques, excess.warning]),
         *noisy,
         *contradictions(training, fit, meaning.other_side),
