@@ -36,7 +36,7 @@ MAX_WARM_STEPS, MAX_STEPS, EDGE_SHARE, FIRST_SHARE = 15, 60, 0.95, 0.1
 # Relative error of P Z and of the slope at which the search ends, that from which on it is near its end, and steps
 # there without half as large an error after which round-off is all that is left, as it is where the objective would
 # fall by no more than a share of the squares, or by less than a larger one that has not become half as large either.
-ERROR, NEAR_END, IDLE_STEPS, LEAST_FALL, SMALL_FALL = 1e-8, 0.1, 4, 1e-14, 1e-8
+ERROR, NEAR_END, IDLE_STEPS, LEAST_FALL, SMALL_FALL = 1e-8, 0.1, 4, 1e-14, 1e-10
 # Error of the slope below which the corrector is weighed by the square of the predictor's share, and share of a step
 # below which one that only centers is tried, on some times the mean of P Z: else some searches go round for ever. Those
 # that still do begin again with all correctors weighed so, unless the residual is less than a bound.
