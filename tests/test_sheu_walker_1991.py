@@ -12,6 +12,8 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from golden.capture import flattened
+from golden.kept import kept, validate_same
 from msgspec import structs
 from nightly import turn_by_turn
 from rerun.chunk import RrdReader
@@ -21,7 +23,7 @@ from adaptctl.errors import InputError, NotFoundError
 from adaptctl.experiments import find
 from adaptctl.experiments.replication.arms import Arm, Study, near_parallelogram
 from adaptctl.experiments.replication.judging import Check, Item, Number, Outturn, Paper, judged_item, printed
-from adaptctl.experiments.replication.pages import Replication, headline
+from adaptctl.experiments.replication.pages import Replication, headline, summary
 from adaptctl.experiments.replication.puma560 import combination
 from adaptctl.experiments.replication.semi_direct_drive import Decoupling
 from adaptctl.experiments.sheu_walker_1991 import ITEMS, SheuWalker1991, chosen
@@ -104,16 +106,11 @@ def test_verdicts(replication: Replication) -> None:
     }
 
 
-def test_counts(replication: Replication) -> None:
-    numbers, marks = replication.numbers, replication.marks
-    assert (numbers["printed"], numbers["given"]) == (441, 206)
-    assert numbers["reproduced"] >= 109
-    assert numbers["to_the_last_digit"] >= 99
-    assert numbers["to_the_last_digit"] + numbers["one_digit_short"] == numbers["reproduced"]
-    assert numbers["in_shape"] >= 115
-    assert numbers["errata"] == 2
-    assert numbers["not_reproduced"] <= 9
-    assert (marks["printed"], marks["reproduced"], marks["errata"]) == (110, 104, 6)
+def test_numbers_are_those_kept(replication: Replication) -> None:
+    """But for gaps, which are over round-off."""
+    now = dict(flattened(json.loads(json.dumps(summary(replication)))))
+    before = {name: x for name, x in kept("experiments/sheu-walker-1991")["numbers"].items() if not x > 1e9}
+    validate_same(before, {name: now[name] for name in before})
 
 
 def test_tables_7_and_8_to_their_digits(item: Callable[[str], Item]) -> None:
@@ -162,20 +159,6 @@ def test_decoupling_takes_ten_relations_or_six(item: Callable[[str], Item]) -> N
     assert values(section, "rigid bodies")[1] > 0.0
     assert max(values(section, "off-diagonal inertia is")) < 1e-12
     assert section.checks[0].computed == "23"
-
-
-def test_share_of_the_seeds_on_which_each_claim_holds(replication: Replication) -> None:
-    shares = {
-        claim.quote: claim.share_of_seeds
-        for item in replication.items
-        for claim in item.claims
-        if claim.share_of_seeds is not None
-    }
-    said = {key: shares[saying.quote] for key, saying in printed().claims.items() if saying.quote in shares}
-    assert said["puma_rank"] == said["arm_rank"] == said["puma_first_34"] == 1.0
-    assert said["puma_torque"] > 0.7
-    assert said["arm_torque"] > 0.6
-    assert said["puma_energy"] == said["arm_energy"] == 0.0
 
 
 def with_moved(study: Study, name: str, moved: Callable[[str, str, str], str]) -> Study:
@@ -366,7 +349,9 @@ def test_a_run_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert summary["numbers"]["reproduced"] == 60
     assert summary["errata"] == ["table5"]
     draws = pq.read_table(tmp_path / "trace.parquet")
-    assert draws.num_rows == 3 * 36
+    assert draws["arm"].to_pylist() == ["puma560"] * 3 * 36
+    assert draws["seed"].to_pylist() == [seed for seed in range(3) for _ in range(36)]
+    assert draws["number"].to_pylist() == list(range(1, 37)) * 3
     units = {name: draws.schema.field(name).metadata[b"unit"] for name in ("singular_value", "weight")}
     assert units == {"singular_value": b"J per SI unit", "weight": b"J"}
     assert math.isclose(draws["percent_error"][35].as_py(), 0.0)

@@ -227,8 +227,8 @@ def write_draws(path: str | Path, study: Study) -> None:
             arm.percent_errors[:, 1:]
         ),
     }
-    labels = [np.full(arm.weights.size, label, dtype=np.str_) for label, arm in arms.items()]
-    columns.append(Quantity("arm", "1", "which arm", np.concatenate([np.zeros(0, dtype=np.str_), *labels])))
+    labels = [label for label, arm in arms.items() for _ in range(arm.weights.size)]
+    columns.append(Quantity("arm", "1", "which arm", np.array(labels, dtype=np.str_)))
     for about, of in kinds.items():
         values = [np.ravel(of(arm)[:, : arm.space.rank]) for arm in arms.values()]
         columns.append(Quantity(*about, np.concatenate([np.zeros(0), *values])))
