@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -98,6 +99,9 @@ def test_friction_rises_by_its_share_of_coulomb_at_rest(arm: Mechanism) -> None:
     drives = [joint.drive for joint in adaptctl.load("puma560_friction").primary_joints]
     np.testing.assert_allclose(found.stribeck, [0.5 * float(drive.coulomb or 0.0) for drive in drives])
     assert found.stribeck_speed == 0.1
+    oiled = replace(drives[0], coulomb=None)
+    some = adaptctl.load("puma560_friction").with_drives([oiled, *drives[1:]])
+    assert only(Laws(stribeck=0.5), some).stribeck[0] == 0.0
     with pytest.raises(InputError, match="no joint friction"):
         only(Laws(stribeck=0.5), adaptctl.load("puma560_measured"))
 
@@ -120,6 +124,11 @@ def test_gains_are_twice_what_the_bandwidth_asks_and_motors_are_scaled(arm: Mech
     given = Laws(bandwidth=6.0, torque_limit_scale=0.25)
     np.testing.assert_allclose(given.gains(arm).damping, 2.0 * 6.0 * typical_inertia(arm))
     np.testing.assert_allclose(given.motors(arm), 0.25 * arm.effort_limits)
+    assert [Laws(**weak).is_weak for weak in ({}, {"torque_limit_scale": 0.99}, {"torque_rate_limit": 0.5})] == [
+        0,
+        1,
+        1,
+    ]
     assert (Laws().error_bound, Laws(disturbance="payload").error_bound > 1.0) == (1.0, True)
 
 

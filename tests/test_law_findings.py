@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from adaptctl.dynamics import load
+from adaptctl.errors import GainError
 from adaptctl.experiments.contest import ADAPTATION_OFF, Outcome, _gravity, listed, thinning
 from adaptctl.experiments.disturbed_arm import LAWS, OTHERS
 from adaptctl.experiments.laws import Laws, ParameterErrors, Recovery, _drifted, _recoveries, _span, each, held_back
@@ -18,7 +19,7 @@ from adaptctl.experiments.laws_controllers import Draft, controller, deviations,
 from adaptctl.experiments.puma560_adaptive import FULL, one_controller
 from adaptctl.experiments.replication.closed_loop import _answer, _answers
 from adaptctl.experiments.task_space import TaskSpaceTracking
-from adaptctl.identifiability import ReducedModel
+from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.recording import ControllerRun
 
 laws = import_module("adaptctl.experiments.laws")
@@ -148,6 +149,42 @@ def test_a_bandwidth_is_stable_by_its_last_third(
     assert laws._is_stable(Laws(robot="two_link"), plant, model, "gradient") is stable
     runs.v[-1] = np.nan
     assert laws._is_stable(Laws(robot="two_link"), plant, model, "gradient") is False
+
+
+def test_gains_that_are_refused_are_not_stable(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: Any) -> Any:
+        raise GainError("too large")
+
+    monkeypatch.setattr(laws, "controller", refused)
+    model: Any = SimpleNamespace(mechanism=ARM)
+    assert laws._is_stable(Laws(robot="two_link"), None, model, "gradient") is False
+
+
+def test_bandwidths_are_told_of_the_softest_the_stiffest_and_rigid_joints(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Laws, "plant_env", lambda *given: SimpleNamespace(unwrapped=SimpleNamespace(plant=given[-1])))
+    monkeypatch.setattr(laws, "_largest", lambda of, plant, model, name: (plant or 9e3) / 1e3 + (name == "pd-gravity"))
+    of = Laws(robot="two_link", laws=("gradient", "pd-gravity"), joint_stiffness=(5e3, 2e3, 3e3))
+    told = laws._carried(of, Outcome(ARM, (run_of(np.zeros(1)),), True), fundamental_basis(essential_space(ARM)))
+    found = {one.name: one.value for one in told.findings}
+    assert len(found) == 3 * 4
+    assert [found[f"stable_bandwidth.gradient.{key}"] for key in ("2000", "3000", "5000", "rigid")] == [2, 3, 5, 9]
+    assert found["stable_bandwidth.pd-gravity.5000"] == 6.0
+    assert (
+        "to 9 1/s for the rigid arm, 5 1/s with a joint stiffness of 5,000 N·m/rad, and 2 1/s with 2,000" in told.answer
+    )
+
+
+@pytest.mark.parametrize(("motion", "length"), [("rest", 20.0), ("random", 3.0)])
+def test_an_arm_at_rest_is_weighed_by_twenty_seconds_of_motion(motion: str, length: float) -> None:
+    of, basis = (
+        Laws(robot="two_link", motion=motion, duration=3.0, amplitude=0.4),
+        fundamental_basis(essential_space(ARM)),
+    )
+    weights = ParameterErrors.along(of, Outcome(ARM, (), True), basis).weights
+    moving = replace(of, motion="random", amplitude=0.25 if motion == "rest" else 0.4).reference(ARM)
+    points = moving(np.linspace(0.0, length, 2001))
+    rows = ReducedModel(ARM, basis).torque_regressor(points.p, points.v, points.a)
+    assert weights == pytest.approx(np.sqrt(np.mean(rows**2, axis=(0, 1))), rel=0.01)
 
 
 def test_deviations_of_a_body_are_those_of_its_size() -> None:
