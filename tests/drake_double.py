@@ -73,6 +73,7 @@ class System:
             dict[str, Joint](),
             [],
         )
+        self.actuators = set[str]()
         self.context: Any = SimpleNamespace(time=0.0)
 
     def mutable_gravity_field(self) -> Any:
@@ -94,6 +95,7 @@ class System:
 
     def AddJointActuator(self, name: str, joint: Joint) -> None:
         assert self.joints[name] is joint
+        self.actuators.add(name)
 
     def Finalize(self) -> None:
         self.model = pinocchio.Model()
@@ -109,6 +111,7 @@ class System:
         return self.joints[name]
 
     def GetJointActuatorByName(self, name: str) -> Any:
+        assert name in self.actuators
         place = self.joints[name].place
         return SimpleNamespace(
             SetGearRatio=lambda context, ratio: context.gears.__setitem__(place, ratio),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -61,6 +62,12 @@ def test_torques_on_an_unseen_motion_are_those_that_an_estimate_gets_wrong(scene
     errors = [unseen_torque_error(scene, law, share * own, scene.rubbing, 1) for share in (1.0, 0.75, 0.0)]
     assert errors == pytest.approx([0.0, 0.25, 1.0], abs=1e-12)
     assert np.isnan(unseen_torque_error(scene, law, np.zeros(0), scene.rubbing, 1))
+    weak = scene._replace(tuning=replace(scene.tuning, torque_limits=np.array([1.0, 1e9])))
+    motion, model = scene.reference(20_001)(np.linspace(0.0, 20.0, 201)), scene.model
+    first = model.slotine_li_regressor(motion.p, motion.v, motion.v, motion.a)[:, 0]  # all that such limits weigh
+    other = np.linspace(0.5, 2.0, len(own)) * own
+    ratio = np.linalg.norm(first @ (other - own)) / np.linalg.norm(first @ own)
+    assert unseen_torque_error(weak, law, other, scene.rubbing, 1) == pytest.approx(ratio)
     rows = ContestEntry("gradient", ARM, "", ("payload",), (1, 2), 8.0, (), "adaptctl").rows()
     assert all(0.001 < row["unseen"] < 1.0 for row in rows)
 
@@ -141,6 +148,8 @@ def test_a_payload_is_a_twentieth_of_the_arm_and_there_when_it_says(scene: Scene
                 zip(scene.mechanism.parameter_names, loaded - scene.mechanism.inertial_parameters, strict=True)
             )
             assert (added["upper.m"], added["lower.m"]) == pytest.approx((0.0, inside * scene.mass / 20.0))
+        of_light: list[Any] = [CONDITIONS[name].effects(SimpleNamespace(mass=x))[0] for x in (0.0, 0.1, 0.4)]  # type: ignore[arg-type]
+        assert [each.payload.mass for each in of_light] == pytest.approx([0.02] * 3)
     assert {name: x.event for name, x in CONDITIONS.items() if x.event} == {
         "payload": 6.0, "dropped": 8.0, "push": 11.0, "push-ramped": 11.0, "push-all": 11.0,
     }  # fmt: skip

@@ -16,16 +16,20 @@ from nightly import at_night
 
 from adaptctl.contest import trial
 from adaptctl.contest.entries import LONGEST_REASON, ContestEntry, _laws
-from adaptctl.contest.known import Knowledge
-from adaptctl.contest.laws import Entrant, _computed_torque
-from adaptctl.contest.measures import COLUMNS
+from adaptctl.contest.known import Knowledge, Known
+from adaptctl.contest.laws import LAWS, Entrant, _computed_torque
+from adaptctl.contest.measures import COLUMNS, ContestRuns
 from adaptctl.contest.own_process import rows_alone
 from adaptctl.contest.running import rows_as_table, rows_of_table
+from adaptctl.contest.scene import scene_of
 from adaptctl.contest.step_times import NAMES, STEPS, times_of
 from adaptctl.contest.trial import TimeExceededError
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.dynamics import load
 from adaptctl.errors import InputError
+from adaptctl.experiments.disturbed_arm import LABELS
+from adaptctl.experiments.laws import Laws
+from adaptctl.experiments.laws_controllers import controller
 
 
 @pytest.mark.parametrize(
@@ -105,6 +109,30 @@ def test_a_law_of_ones_own_has_the_same_rows_in_a_process_of_its_own(tmp_path: P
     alone, here = (rows_as_table(rows, COLUMNS, "") for rows in (rows_alone(one), one.rows()))
     assert alone.equals(here)
     assert reasons(one.rows()) == {""}
+
+
+def test_torques_are_told_over_the_limits_of_their_condition(monkeypatch: pytest.MonkeyPatch) -> None:
+    def run(one: ContestEntry, scene: Any, *_: Any) -> ContestRuns:
+        torque = 0.3 * scene.tuning.torque_limits * np.ones((40, 2, 1))
+        size = np.zeros((40, 2, 2))
+        return ContestRuns(0.01 * np.arange(40), size, torque, size[0], np.full(2, np.nan), np.zeros((2, 0)))
+
+    monkeypatch.setattr(ContestEntry, "run", run)
+    rows = entry("pd", "clean", "saturation").rows()
+    assert [row["torque"] for row in rows] == pytest.approx([0.3, 0.3, 0.5, 0.5])
+    assert {row["parameters"] for row in rows} == {6 + 4}  # of two links, and friction
+    assert entry("pd").about("clean", 1)["parameters"] == 0  # nobody has looked
+
+
+def test_laws_have_the_constants_of_the_experiment_that_compares_them() -> None:
+    known = Known.of(scene_of("two_link", 1e-3), Knowledge.LIMITS, 1, np.zeros(0))
+    made: dict[str, Any] = {law.name: law.make(known) for law in LAWS if law.knows is Knowledge.LIMITS}
+    other = Laws(robot="two_link")
+    draft = {name: controller(other, name, known.model).adaptation_law for name in set(made) & set(LABELS)}
+    for name, field in (("composite", "cutoff"), ("cushioned-floor", "forgetting"), ("e-modification", "leakage"),
+                        ("dead-zone", "width"), ("concurrent-learning", "stack_size")):  # fmt: skip
+        own, theirs = (getattr(law, field) for law in (made[name].adaptation_law, draft[name]))
+        np.testing.assert_array_equal(own, theirs)
 
 
 def test_times_of_a_law_are_those_of_its_compilation_and_steps(monkeypatch: pytest.MonkeyPatch) -> None:

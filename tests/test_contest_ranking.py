@@ -20,7 +20,7 @@ from adaptctl.contest.conditions import CONDITIONS
 from adaptctl.contest.contest_file import Contest
 from adaptctl.contest.figures import drawings, latex
 from adaptctl.contest.measures import ContestRuns, measured
-from adaptctl.contest.page import content, short, tint, write_page
+from adaptctl.contest.page import BAD, GOOD, content, short, tint, write_page
 from adaptctl.contest.ranking import Ranking, _settled, agreement
 from adaptctl.contest.resampling import _counts, median_interval, medians
 from adaptctl.contest.step_times import slowest
@@ -108,6 +108,9 @@ def test_an_error_is_back_when_its_next_half_second_is_below_twice_the_two_befor
     assert np.isnan(back(6.0, 3.995, 6.0, 12.0))
     assert np.isnan(back(None, 0.0, 6.0, 7.0))
     assert np.isnan(back(11.99, 0.0, 6.0, 7.0))
+    ones = ContestRuns(np.arange(10.0), *np.ones((2, 10, 1, 1)), np.ones((1, 1)), np.array([np.nan]), np.zeros((1, 0)))
+    last = [measured(ones, 0, np.ones(1), event)["return_time"] for event in (8.0, 9.0)]
+    assert last == pytest.approx([0.0, np.nan], nan_ok=True)  # after the last sample there is nothing
 
 
 def test_a_run_fails_by_what_came_first() -> None:
@@ -303,11 +306,20 @@ def test_names_and_reasons_are_texts_in_the_page_and_the_table(tmp_path: Path) -
     assert "error [mm] &" in latex(table, "mm")
 
 
+def test_a_table_for_a_paper_has_three_digits_intervals_and_dashes() -> None:
+    ranking = Ranking(rows_of({"a": [12345.0, 12345.0], "true": [1e4, 1e4], "lost": [np.nan, np.nan]}))
+    lines = {line.split(" & ")[0]: line for line in latex(ranking.table(), "mrad").splitlines() if " & " in line}
+    assert lines["a"] == r"a & limits & 2.00 & $1.23\times10^{4}$ & 1.23 [1.23, 1.23] & -- & 0 of 2 \\"
+    assert lines["lost"] == r"lost & limits & 3.00 & -- & $\infty$ [$\infty$, $\infty$] & -- & 2 of 2 \\"
+
+
 def test_colors_tell_better_from_worse_and_failed() -> None:
     better, same, worse, failed = (tint(x, True) for x in (0.01, 1.0, 100.0, np.inf))
     assert better.blue > worse.blue
     assert worse.red > better.red
     assert min(same) > 240
+    assert [tint(x, True) for x in (0.001, 1e6)] == [better, worse]
+    assert (better, worse) == (GOOD, BAD)
     assert failed not in (better, same, worse)
 
 
