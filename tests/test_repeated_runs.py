@@ -48,12 +48,14 @@ def test_a_run_is_repeated_once_with_the_outputs_that_were_recorded() -> None:
 
 
 @pytest.mark.parametrize(
-    ("of", "u"), [(arms(OTHER), 3.0), (arms(x=0.5), 3.0), (arms(k=1.0), 3.0), (arms(), 2.0)], ids=str
+    ("changed", "u"),
+    [({"step": OTHER}, 3.0), ({"x": 0.5}, 3.0), ({"k": 1.0}, 3.0), ({}, 2.0)],
+    ids=("law", "start", "constant", "reference"),
 )
-def test_a_run_with_another_law_start_constant_or_reference_is_computed(of: Ensemble, u: float) -> None:
+def test_a_run_with_another_law_start_constant_or_reference_is_computed(changed: dict[str, Any], u: float) -> None:
     with kept_runs():
         run(arms())
-        assert repeated(of, 3, signals(of, u)) is None
+        assert repeated(arms(**changed), 3, signals(arms(), u)) is None
 
 
 def test_nothing_is_kept_without_being_asked_for_and_only_the_last_two_runs() -> None:
