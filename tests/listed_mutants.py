@@ -427,14 +427,14 @@ LISTED: tuple[Listed, ...] = (
     ),
     Listed(
         "e-modification by the square of the sliding variable",
-        "adaptctl/control/adaptation/gradient.py",
+        "adaptctl/control/adaptation/leakage.py",
         "self.leakage * sqrt(s @ s)",
         "self.leakage * (s @ s)",
         ("tests/test_adaptation.py::test_e_modification_leaks_by_the_length_of_s",),
     ),
     Listed(
         "leak by an explicit step",
-        "adaptctl/control/adaptation/gradient.py",
+        "adaptctl/control/adaptation/leakage.py",
         "(1.0 / (1.0 + share)) * (moved + share * column(self.prior))",
         "moved + share * (column(self.prior) - estimate)",
         ("tests/test_adaptation.py::test_e_modification_leaks_by_the_length_of_s",),
