@@ -28,14 +28,14 @@ FILES = {
     **{"drives": "a drives file", "study": "a study of a sweep", "contest": "a contest", "priority": "a priority"},
 }
 """kinds of files by their schemas"""
-_TYPES = re.compile(rf"`((?:{'|'.join(KINDS)})(?: \| (?:{'|'.join(KINDS)}))*)`")
+_TYPES = rf"`((?:{'|'.join(KINDS)})(?: \| (?:{'|'.join(KINDS)}))*)`"
 
 
 def in_words(message: str) -> str:
     """msgspec's message for readers of files, such as "expected a number, got text - at `$.links[0].mass`"."""
     message = re.sub(r"^Object missing required field (`[^`]*`)", r"\1 is missing", message)
     message = re.sub(r"^Object contains unknown field", "unknown field", message)
-    return _TYPES.sub(_named, re.sub("^Expected ", "expected ", message))
+    return re.sub(_TYPES, _named, re.sub("^Expected ", "expected ", message))
 
 
 def _named(found: re.Match[str]) -> str:

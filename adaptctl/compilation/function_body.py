@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Container, Iterable, Mapping, Sequence
 from typing import Any
 
-from adaptctl.compilation.graph import Expression, Op
+from adaptctl.compilation.graph import CALL, INPUT, NEGATE, RESULT, Expression, Op
 from adaptctl.compilation.landing import NOWHERE, Landings
 from adaptctl.compilation.lanes import Instructions, Lanes
 from adaptctl.compilation.routine import NONE, Invariants, Layout, Routine, arguments
@@ -57,7 +57,7 @@ class FunctionBody:
         self._now += 1
         if expression.index in self._turns:
             self._sines.turn(self._turns[expression.index], self._operand, self._has)
-        if expression.op is Op.CALL:
+        if expression.op is CALL:
             self._call(expression, expression.detail, arguments(expression))
         elif self._place(expression) is None:
             self._evaluate(f"%x{expression.index}", expression.op, [self._operand(y) for y in expression.operands])
@@ -81,13 +81,13 @@ class FunctionBody:
 
     def _evaluate(self, x: str, op: Op, operands: Sequence[str]) -> None:
         value = self._lanes.value
-        if op is Op.NEGATE:
+        if op in ARITHMETIC:
+            self._text.add(f"{x} = {ARITHMETIC[op]} contract {value} {', '.join(operands)}")
+        elif op is NEGATE:
             self._text.add(f"{x} = fneg {value} {operands[0]}")
         elif op is Op.SELECT:
             chosen, yes, no = operands
             self._text.add(f"{x} = select {self._lanes.condition} {chosen}, {value} {yes}, {value} {no}")
-        elif op in ARITHMETIC:
-            self._text.add(f"{x} = {ARITHMETIC[op]} contract {value} {', '.join(operands)}")
         elif op in _COMPARISONS:
             self._text.add(f"{x} = fcmp {_COMPARISONS[op]} {value} {', '.join(operands)}")
         else:  # `nsz`: of two zeros, either may be the smaller
@@ -118,7 +118,7 @@ class FunctionBody:
         return self._lanes.count > 1 and x.op in (Op.ADD, Op.SUBTRACT, Op.NEGATE) and all(homes)
 
     def _is_uniform(self, x: Expression) -> bool:
-        return x.op is Op.INPUT and x.detail[0] in self._uniform
+        return x.op is INPUT and x.detail[0] in self._uniform
 
     def _call(self, call: Expression, routine: Routine, groups: Iterable[Sequence[Expression | float]]) -> None:
         x, pointers = f"%x{call.index}", []
@@ -166,11 +166,11 @@ class FunctionBody:
             return "%passed", self._found[x.index]
         if x.index in self._same.places:
             return "%same", self._same.places[x.index]
-        if x.op is Op.INPUT:
+        if x.op is INPUT:
             return f"%in{x.detail[0]}", x.detail[1]
         if x.index in self._landed.places:
             part, k = self._landed.places[x.index]
             return f"%out{part}", k
-        if x.op is Op.RESULT:
+        if x.op is RESULT:
             return f"%x{x.operands[0].index}.out{x.detail[0]}", x.detail[1]
         return self._sines.place(x)

@@ -68,6 +68,10 @@ class Op(StrEnum):
     RESULT = "result"
 
 
+# Asked for at each expression: an enumeration's attribute takes ten times as long as a name.
+INPUT, ADD, MULTIPLY, NEGATE, CALL, RESULT = Op.INPUT, Op.ADD, Op.MULTIPLY, Op.NEGATE, Op.CALL, Op.RESULT
+
+
 class Expression:
     """Node of an expression graph."""
 
@@ -110,12 +114,12 @@ class Graph:
         if angle not in self.sines and self.passed is not None and self._is_argument(angle):
             first = 2 * len(self.turned)
             self.turned.append(angle)
-            sine, cosine = (self.make(type(angle), Op.INPUT, detail=(self.passed, first + k)) for k in (0, 1))
+            sine, cosine = (self.make(type(angle), INPUT, detail=(self.passed, first + k)) for k in (0, 1))
             self.sines[angle] = sine, cosine
         return self.sines.get(angle)
 
     def _is_argument(self, x: Expression) -> bool:
-        return x.op is Op.INPUT and x.detail[0] != self.passed
+        return x.op is INPUT and x.detail[0] != self.passed
 
     def validate_own(self, values: Iterable[Any]) -> None:
         """Raise `TraceError` if a value is of another graph."""
@@ -142,12 +146,12 @@ def add(x: Any, y: Any) -> Any:
         x, y = y, x
     if isinstance(x, float) and x == 0.0:
         return y
-    if y.op is Op.NEGATE:
+    if y.op is NEGATE:
         return subtract(x, y.operands[0])
-    if _does(x, Op.NEGATE):
+    if _does(x, NEGATE):
         return subtract(y, x.operands[0])
     x, y = _ordered(x, y)
-    return y.graph.make(type(y), Op.ADD, x, y)
+    return y.graph.make(type(y), ADD, x, y)
 
 
 def subtract(x: Any, y: Any) -> Any:
@@ -158,20 +162,20 @@ def subtract(x: Any, y: Any) -> Any:
         return negate(y)
     if isinstance(y, float):
         return add(x, -y)
-    if _does(y, Op.NEGATE):
+    if _does(y, NEGATE):
         return add(x, y.operands[0])
     return _make(Op.SUBTRACT, x, y)
 
 
 def negate(x: Any) -> Any:
     """Expression `-x`."""
-    if _does(x, Op.NEGATE):
+    if _does(x, NEGATE):
         return x.operands[0]
     if _does(x, Op.SUBTRACT):
         return subtract(*reversed(x.operands))
-    if _does(x, Op.MULTIPLY) and isinstance(x.operands[0], float):
+    if _does(x, MULTIPLY) and isinstance(x.operands[0], float):
         return multiply(-x.operands[0], x.operands[1])
-    return _make(Op.NEGATE, x)
+    return _make(NEGATE, x)
 
 
 def multiply(x: Any, y: Any) -> Any:
@@ -180,12 +184,12 @@ def multiply(x: Any, y: Any) -> Any:
     if isinstance(x, float):
         if abs(x) in (0.0, 1.0):
             return 0.0 if x == 0.0 else y if x > 0.0 else negate(y)
-        return multiply(-x, y.operands[0]) if y.op is Op.NEGATE else y.graph.make(type(y), Op.MULTIPLY, x, y)
-    if y.op is Op.NEGATE:
+        return multiply(-x, y.operands[0]) if y.op is NEGATE else y.graph.make(type(y), MULTIPLY, x, y)
+    if y.op is NEGATE:
         return negate(multiply(x, y.operands[0]))
-    if x.op is Op.NEGATE:
+    if x.op is NEGATE:
         return negate(multiply(x.operands[0], y))
-    return x.graph.make(type(x), Op.MULTIPLY, x, y)
+    return x.graph.make(type(x), MULTIPLY, x, y)
 
 
 def divide(x: Any, y: Any) -> Any:
@@ -194,16 +198,16 @@ def divide(x: Any, y: Any) -> Any:
         return 0.0
     if _is(y, 1.0) or _is(y, -1.0):
         return x if y > 0.0 else negate(x)
-    if _does(x, Op.NEGATE):
+    if _does(x, NEGATE):
         return divide(x.operands[0], -y) if isinstance(y, float) else negate(divide(x.operands[0], y))
-    if _does(y, Op.NEGATE):
+    if _does(y, NEGATE):
         return divide(-x, y.operands[0]) if isinstance(x, float) else negate(divide(x, y.operands[0]))
     return _make(Op.DIVIDE, x, y)
 
 
 def absolute(x: Any) -> Any:
     """Absolute value `|x|`, as an expression."""
-    if _does(x, Op.NEGATE):
+    if _does(x, NEGATE):
         return absolute(x.operands[0])
     return x if _does(x, Op.ABSOLUTE) else _make(Op.ABSOLUTE, x)
 

@@ -10,8 +10,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from adaptctl.compilation.function_body import FunctionBody
-from adaptctl.compilation.fusing import fused
-from adaptctl.compilation.graph import Expression, Op
+from adaptctl.compilation.graph import INPUT, RESULT, Expression, Op
 from adaptctl.compilation.landing import NOWHERE, Landings, landings
 from adaptctl.compilation.lanes import Lanes
 from adaptctl.compilation.routine import NONE, Invariants, Routine, trace
@@ -66,6 +65,8 @@ def program(
     whole = len(parts[routine]) == 1 or straight
     if whole and not quick:
         return Program(_with_sines([*functions, own], lanes), symbol)
+    from adaptctl.compilation.fusing import fused  # few programs are made quickly
+
     if quick and straight:
         return Program("", symbol, _with_sines([fused(text) for text in (*functions, own)], lanes), quick)
     own = fused(own) if whole else own
@@ -212,7 +213,7 @@ PIECE_EXPRESSIONS = 1500
 """Expressions in a piece of a longer one, about."""
 
 _TRUTHS = (Op.LESS, Op.LESS_EQUAL)
-_NOT_PASSED = (Op.INPUT, Op.CALL, *_TRUTHS)
+_NOT_PASSED = (INPUT, Op.CALL, *_TRUTHS)
 
 
 class Piece(NamedTuple):
@@ -241,11 +242,11 @@ def pieces(body: Sequence[Expression], given: Container[int] = ()) -> list[Piece
 
 
 def _parts(body: Sequence[Expression]) -> Iterator[Sequence[Expression]]:
-    computed = sum(x.op not in (Op.INPUT, Op.RESULT) for x in body)
+    computed = sum(x.op not in (INPUT, RESULT) for x in body)
     first, length = 0, max(len(body), 1) if computed <= MAX_WHOLE_EXPRESSIONS else PIECE_EXPRESSIONS
     while first == 0 or first < len(body):
         last = first + length
-        while last < len(body) and body[last].op is Op.RESULT:
+        while last < len(body) and body[last].op is RESULT:
             last += 1
         yield body[first:last]
         first = last

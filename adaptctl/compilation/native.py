@@ -158,7 +158,7 @@ def _object(text: str, processor: Processor, machine: llvm.TargetMachine, level:
 def _key(text: str, processor: Processor, triple: str, level: int) -> bytes:
     """Digest of all that the code depends on."""
     versions = _RECIPE, llvmlite.__version__, llvm.llvm_version_info
-    return hashlib.sha256(repr((versions, level, triple, processor, text)).encode()).digest()
+    return hashlib.sha256(f"{versions, level, triple, processor}\n{text}".encode()).digest()
 
 
 def _compiled(text: str, machine: llvm.TargetMachine) -> bytes:

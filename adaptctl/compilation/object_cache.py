@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import logging
 import os
 import platform
 import stat
@@ -29,7 +28,11 @@ _HEAD = len(_MAGIC) + 64
 _written: dict[Path, int] = {}
 """Bytes written to a folder since its size was last checked."""
 
-log = logging.getLogger(__name__)
+
+def _log(message: str, *about: object) -> None:
+    import logging  # here, since most processes have nothing to tell
+
+    logging.getLogger(__name__).info(message, *about)
 
 
 def cache_folder() -> Path | None:
@@ -42,7 +45,7 @@ def cache_folder() -> Path | None:
             return Path(chosen).expanduser()
         return (caches if caches.is_absolute() else Path.home() / ".cache") / "adaptctl"
     except RuntimeError as error:
-        log.info("compiled objects are not cached: %s", error)
+        _log("compiled objects are not cached: %s", error)
         return None
 
 
@@ -58,11 +61,11 @@ class ObjectCache(NamedTuple):
             _validate_own(self.folder.stat())
             content = _read(self._path(key))
         except OSError as error:
-            log.info("recompiling: %s", error)
+            _log("recompiling: %s", error)
             return None
         data = content[_HEAD:]
         if content[:_HEAD] != _head(key, data):
-            log.info("recompiling: %s is damaged", self._path(key))
+            _log("recompiling: %s is damaged", self._path(key))
             return None
         return data
 
@@ -75,7 +78,7 @@ class ObjectCache(NamedTuple):
             if self._may_be_full(_HEAD + len(data)):
                 self._shrink()
         except OSError as error:
-            log.info("not cached: %s", error)
+            _log("not cached: %s", error)
 
     def _path(self, key: bytes) -> Path:
         return self.folder / f"{key.hex()}{SUFFIX}"
