@@ -12,10 +12,11 @@ from two_links import ARM, changed
 
 import adaptctl
 from adaptctl.errors import InputError, TuningWarning, VerdictError
+from adaptctl.simulation import simulate_many
 from adaptctl.simulation.effects import ControlDelay, ElasticJoints, Encoder, FilteredDifferences
-from adaptctl.tuning import stated_effects, tune, with_friction
+from adaptctl.tuning import Tuning, stated_effects, tune, with_friction
 from adaptctl.tuning.default_gains import DefaultGains, Proposal
-from adaptctl.tuning.stated_effects import Rates, held, holds, late_share, plant_with
+from adaptctl.tuning.stated_effects import HALVINGS, Rates, held, holds, late_share, plant_with, remedy
 from adaptctl.tuning.verification import (
     OTHER_STARTS,
     Trials,
@@ -111,6 +112,17 @@ def test_where_no_gains_hold_the_first_are_kept_and_it_is_told(monkeypatch: pyte
     assert "no lower gains" in told
 
 
+def test_where_no_gains_hold_half_the_bandwidth_is_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    gain, told = chosen(monkeypatch, [(BAD,) * CASES] * (1 + HALVINGS) + [(GOOD,) * CASES])
+    assert gain == 0.5
+    assert "bandwidth of 2 1/s" in told
+
+
+def test_only_encoders_behind_springs_are_told_of_their_damping() -> None:
+    assert "damping=" in remedy([ElasticJoints(1e4)])
+    assert remedy([ElasticJoints(1e4, encoders="motor")]) == remedy([*COUNTS]) == remedy([])
+
+
 def test_a_stated_delay_is_told_to_the_law_and_lowers_gains() -> None:
     late = tune(ARM, effects=[ControlDelay(2)])
     law: Any = late.controller(base_model(ARM)).adaptation
@@ -150,18 +162,30 @@ def test_a_delay_that_no_gains_hold_is_refused() -> None:
         adaptctl.adaptive_controller(so101(), delay=16)
 
 
+def behind(encoders: str, damping: float = 0.0) -> Tuning:
+    """Tuning of the two-link arm with soft springs."""
+    return tune(ARM, effects=[ElasticJoints(200.0, damping, 0.02, encoders)])
+
+
 @pytest.mark.nightly
-def test_gains_hold_with_stated_springs_or_are_refused() -> None:
-    """With encoders behind them, springs that hardly damp swing under any gains."""
-    rigid = tune(ARM)
-    soft, behind = (
-        tune(ARM, effects=[ElasticJoints(200.0, damping=0.1, motor_inertia=0.02, encoders=encoders)])
-        for encoders in ("motor", "link")
-    )
+def test_springs_that_do_not_damp_are_refused_with_what_holds() -> None:
+    with pytest.raises(VerdictError, match=r"damping=.*encoders='motor'"):
+        behind("link").controller(base_model(ARM))
+    soft = behind("motor")
     assert soft.is_learning
-    assert np.all(soft.gains.damping < 0.6 * rigid.gains.damping)
-    with pytest.raises(VerdictError):
-        behind.controller(base_model(ARM))
+    assert np.all(soft.gains.damping < 0.6 * tune(ARM).gains.damping)
+
+
+@pytest.mark.nightly
+def test_gains_with_damped_springs_hold_from_any_start() -> None:
+    tuning, starts = behind("link", 0.1), 64
+    plant = plant_with(ARM, 1e-3, tuning.torque_limits, tuning.effects)
+    start = np.random.default_rng(9).uniform(-1.0, 1.0, (starts, 2)) * tuning.initial_error + tuning.reference(0.0).p
+    law = tuning.controller(base_model(ARM))
+    run = simulate_many(plant, law, tuning.reference, duration=20.0, batch_size=starts, p=start, record_every=10)
+    error = np.abs(run.p - tuning.reference(run.time).p[:, None])
+    assert error.max() < 1.0
+    assert error[run.time > 18.0].max() < 1e-3
 
 
 def test_the_tuning_s_notes_are_warnings_of_the_controller() -> None:

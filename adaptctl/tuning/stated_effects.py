@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -16,6 +16,7 @@ from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation import Plant
 from adaptctl.simulation.effects.effect import Effect
+from adaptctl.simulation.effects.joints import MOTOR
 from adaptctl.simulation.effects.plant_effects import PlantEffects
 from adaptctl.simulation.integrator import integration
 from adaptctl.simulation.transmission import Transmission
@@ -36,6 +37,8 @@ from adaptctl.tuning.verification import (
 
 HALVINGS = 7
 """times that gains are halved before none hold"""
+SLOWER = 2
+"""times that the bandwidth is halved then, from the highest gains on"""
 LEAST_DAMPED = 4.0
 """least decay rate of velocities over the bandwidth: critical damping"""
 
@@ -87,18 +90,21 @@ def held(trials: Trials, model: ReducedModel, rule: DefaultGains, asked: Rates, 
     begun = Held(first, verifications(trials, model, first.feasible.gains, first.gain, seed))
     if _hold(begun.verified, trials) or not (trials.plant.effects or len(model.columns) <= MAX_LEARNED):
         return begun
-    lower = list(_lower(trials, model, rule, asked, seed))
-    if lower and _hold(lower[-1].verified, trials):
-        return lower[-1]
-    narrow = next((one for one in (begun, *lower) if holds(one.verified[0])), None)
-    if narrow is None:
-        return begun._replace(notes=("no lower gains hold either",))
-    return narrow._replace(notes=(*narrow.notes, "these do not hold in all four runs"))
+    for k in range(SLOWER + 1):
+        slower = asked._replace(bandwidth=0.5**k * asked.bandwidth)
+        lower = list(_lower(trials, model, rule, slower, seed, first=0 if k else 1))
+        if lower and _hold(lower[-1].verified, trials):
+            return lower[-1]
+        if narrow := next((one for one in (begun, *lower) if holds(one.verified[0])), None):
+            return narrow._replace(notes=(*narrow.notes, "these do not hold in all four runs"))
+    return begun._replace(notes=("no lower gains hold either",))
 
 
-def _lower(trials: Trials, model: ReducedModel, rule: DefaultGains, asked: Rates, seed: int) -> Iterator[Held]:
-    """Lower and lower gains with their runs, up to those that hold in all."""
-    for k in range(1, HALVINGS + 1):
+def _lower(
+    trials: Trials, model: ReducedModel, rule: DefaultGains, asked: Rates, seed: int, *, first: int
+) -> Iterator[Held]:
+    """Lower and lower gains with their runs, from the first halving up to those that hold in all."""
+    for k in range(first, HALVINGS + 1):
         rates = asked.lowered(0.5**k, rule.control_period)
         try:
             proposal = rule.proposed(*rates, "mixed")
@@ -125,6 +131,17 @@ def _lowered(rates: Rates) -> str:
     return (
         f"gains hold in simulation up to a bandwidth of {rates.bandwidth:.2g} 1/s, a sampling ratio of "
         f"{rates.sampling_ratio:.2g} and an adaptation ratio of {rates.adaptation_ratio:.2g}: lowered to these"
+    )
+
+
+def remedy(effects: Iterable[Effect]) -> str:
+    """Advice where no gains hold."""
+    springs = PlantEffects.of(effects).elastic
+    if springs is None or springs.encoders == MOTOR:
+        return "choose another bandwidth, period or reference"
+    return (
+        "a quarter of the bandwidth fails too, as springs that hardly damp swing with encoders behind them: state "
+        f"their damping, as ElasticJoints(damping=...), or encoders={MOTOR!r}, if motors are measured"
     )
 
 

@@ -35,7 +35,7 @@ from adaptctl.tuning.feasible_gains import MIN_BANDWIDTH, FeasibleGains, limitat
 from adaptctl.tuning.feasible_reference import TORQUE_SHARE, FeasibleReference
 from adaptctl.tuning.learning_rule import MAX_LEARNED, learning_by_rule, slotine_li
 from adaptctl.tuning.rotors import rotor_note
-from adaptctl.tuning.stated_effects import Held, Rates, gradient_run, held, holds, late_share, plant_with
+from adaptctl.tuning.stated_effects import Held, Rates, gradient_run, held, holds, late_share, plant_with, remedy
 from adaptctl.tuning.verification import (
     LINK_ERROR,
     MAX_ERROR,
@@ -264,8 +264,8 @@ class Tuning:
         """
         if self.failed:
             raise VerdictError(
-                f"{self.mechanism.name}: these gains fail in simulation ({self.verified[0]}): choose another "
-                f"bandwidth, period or reference, or use them anyway with {otherwise}"
+                f"{self.mechanism.name}: these gains fail in simulation ({self.verified[0]}): {remedy(self.effects)}, "
+                f"or use them anyway with {otherwise}"
             )
 
 
