@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, TypeVar, cast
 
 from adaptctl.arrays import whole_count
 from adaptctl.caching import cached_property
-from adaptctl.compilation.graph import Expression, Graph, Op, cosine, reachable, sine
+from adaptctl.compilation.graph import CALL, INPUT, RESULT, Expression, Graph, Op, cosine, reachable, sine
 from adaptctl.compilation.node import Node, Value, lift
 from adaptctl.errors import TraceError
 from adaptctl.scalars import Column
@@ -80,7 +80,7 @@ def _restored(scalars: Sequence[Any], shape: Shape) -> Any:
 F = TypeVar("F", bound=Callable[..., Any])
 
 _FLOPS = (Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.DIVIDE, Op.NEGATE)
-_FREE = (Op.INPUT, Op.CALL, Op.RESULT)
+_FREE = (INPUT, CALL, RESULT)
 
 
 class Operations(Counter[Op]):
@@ -155,12 +155,12 @@ class Routine:
     @cached_property
     def used_inputs(self) -> frozenset[tuple[int, int]]:
         """Scalars of the arguments that the outputs depend on, as pairs (argument index, entry index)."""
-        return frozenset(x.detail for x in self.body if x.op is Op.INPUT)
+        return frozenset(x.detail for x in self.body if x.op is INPUT)
 
     @property
     def subroutines(self) -> list[Routine]:
         """Subroutines that this routine calls, in order of the calls."""
-        return [x.detail for x in self.body if x.op is Op.CALL]
+        return [x.detail for x in self.body if x.op is CALL]
 
     @cached_property
     def operations(self) -> Operations:
@@ -286,9 +286,9 @@ def _results(routine: Routine, nodes: Sequence[Node]) -> list[Value]:
     pairs = [(f, nodes[place]) for place in routine.sines for f in of]
     passed = len(routine.inputs) - 1
     sines = [f(x) if (passed, k) in routine.used_inputs else 0.0 for k, (f, x) in enumerate(pairs)]
-    call = graph.make(Expression, Op.CALL, *nodes, *sines, detail=routine)
+    call = graph.make(Expression, CALL, *nodes, *sines, detail=routine)
     return [
-        graph.make(Node, Op.RESULT, call, detail=place) if isinstance(output, Node) else output
+        graph.make(Node, RESULT, call, detail=place) if isinstance(output, Node) else output
         for place, output in zip(numbered(routine.layout.sizes), routine.outputs, strict=True)
     ]
 
@@ -312,14 +312,14 @@ def _output(name: str, scalar: Any) -> Value:
 def _inputs(graph: Graph, sizes: Sequence[int]) -> list[list[Node]]:
     """Nodes of each argument."""
     parts = enumerate(sizes)
-    return [[graph.make(Node, Op.INPUT, detail=(part, k)) for k in range(size)] for part, size in parts]
+    return [[graph.make(Node, INPUT, detail=(part, k)) for k in range(size)] for part, size in parts]
 
 
 def _name(function: Callable[..., Any]) -> str:
     return str(getattr(function, "__name__", "function"))
 
 
-_IN_EACH_STEP = (Op.CALL, Op.RESULT, Op.LESS, Op.LESS_EQUAL)
+_IN_EACH_STEP = (CALL, RESULT, Op.LESS, Op.LESS_EQUAL)
 """Calls, and comparisons, which memory cannot hold."""
 
 
@@ -335,13 +335,13 @@ class Invariants(NamedTuple):
     def of(cls, routine: Routine, held: Collection[int]) -> Invariants:
         """Loop invariants of a step with constant arguments `held`."""
         same = _same(routine.body, held)
-        found = cls(frozenset(x for x in same if x.op is not Op.INPUT), [], {}, {})
+        found = cls(frozenset(x for x in same if x.op is not INPUT), [], {}, {})
         later = [x for x in routine.body if x not in found.computed]
-        calls = [group for x in later if x.op is Op.CALL for group in arguments(x)]
+        calls = [group for x in later if x.op is CALL for group in arguments(x)]
         for group in calls:
             if found._any(group) and all(x in same for x in group):
                 found._store_together(group)
-        for values in (*calls, *(x.operands for x in later if x.op is not Op.CALL), routine.outputs):
+        for values in (*calls, *(x.operands for x in later if x.op is not CALL), routine.outputs):
             for x in values:
                 if isinstance(x, Expression) and x in found.computed and x.index not in found.places:
                     found._store((x,))
@@ -387,7 +387,7 @@ def _same(body: Sequence[Expression], held: Collection[int]) -> set[Expression]:
     """Expressions that depend on arguments of these indices alone."""
     same: set[Expression] = set()
     for x in body:
-        if x.op is Op.INPUT:
+        if x.op is INPUT:
             if x.detail[0] in held:
                 same.add(x)
         elif x.op not in _IN_EACH_STEP:
