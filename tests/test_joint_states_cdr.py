@@ -73,6 +73,13 @@ def test_names_and_frames_of_any_length_have_a_layout(length: int, fields: str) 
     assert [type(part) for part in joint_states([message], decode)] == [JointStates]
 
 
+def test_messages_that_end_later_have_no_layout() -> None:
+    whole = [raw(k, ARM) for k in range(3)]
+    longer = [(time, data + bytes(8)) for time, data in whole]
+    found = [joint_states(some, lambda data: decode(data[: len(whole[0][1])])) for some in (whole, longer)]
+    assert [{isinstance(part, JointStates) for part in parts} for parts in found] == [{True}, {False}]
+
+
 def test_other_encodings_are_left_to_rosbags() -> None:
     message = decode(raw(0, ARM)[1])
     big = [(k, bytes(TYPES.serialize_cdr(message, JOINT_STATE, little_endian=False))) for k in range(3)]

@@ -11,6 +11,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from adaptctl.arrays import MAX_SETTING
@@ -18,7 +20,7 @@ from adaptctl.errors import FileError, NotFoundError
 from adaptctl.logs import isolated, lerobot, on_disk, parquet, rerun_recording, ros_bag, text, units
 from adaptctl.logs.table import LogTable, table, validate_size
 from adaptctl.logs.text import read_delimited
-from adaptctl.logs.text_form import form_of
+from adaptctl.logs.text_form import _is_row, form_of
 
 
 def written(folder: Path, content: str, name: str = "log.csv") -> Path:
@@ -164,6 +166,41 @@ def test_the_mark_before_decimals_is_told_by_that_after_thousands(
 def test_columns_belong_on_disk_by_the_bytes_of_all_their_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(on_disk, "LARGE", 8 * 12)
     assert [on_disk.is_large(*shape) for shape in ((1, 12), (4, 3), (3, 4), (11, 1))] == [True, True, True, False]
+
+
+def test_parquet_files_that_are_too_long_are_refused_before_they_are_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "log.parquet"
+    pq.write_table(pa.table({"a": [1.0, 2.0, 3.0]}), path)
+    begun: list[int] = []
+    monkeypatch.setattr(on_disk, "LARGE", 0)
+    monkeypatch.setattr("adaptctl.logs.table.MAX_ROWS", 3)
+    assert len(parquet.read_parquet(path)) == len(parquet.read_in_turn("log", [path], ["a"])) == 3
+    monkeypatch.setattr(parquet, "Batches", begun.append)
+    monkeypatch.setattr("adaptctl.logs.table.MAX_ROWS", 2)
+    with pytest.raises(FileError, match="has 3 rows, more than the limit of 2"):
+        parquet.read_parquet(path)
+    monkeypatch.setattr("adaptctl.logs.table.MAX_ROWS", 5)
+    with pytest.raises(FileError, match="log: has 6 rows, more than the limit of 5"):
+        parquet.read_in_turn("log", [path, path], ["a"])
+    assert not begun
+
+
+@pytest.mark.parametrize(
+    ("line", "is_row"),
+    [
+        ("1,a,b", True),
+        ("a,1", True),
+        ("a,b,1", False),
+        ("a,1,2,b", True),
+        (",1,a,b", True),
+        ("# 1,2", False),
+        ("a,b", False),
+    ],
+)
+def test_a_line_is_a_row_if_it_begins_with_a_number_or_half_of_it_are(line: str, is_row: bool) -> None:
+    assert _is_row(line, ",") is is_row
 
 
 @pytest.mark.isolated
