@@ -111,6 +111,8 @@ def test_an_error_is_back_when_its_next_half_second_is_below_twice_the_two_befor
     ones = ContestRuns(np.arange(10.0), *np.ones((2, 10, 1, 1)), np.ones((1, 1)), np.array([np.nan]), np.zeros((1, 0)))
     last = [measured(ones, 0, np.ones(1), event)["return_time"] for event in (8.0, 9.0)]
     assert last == pytest.approx([0.0, np.nan], nan_ok=True)  # after the last sample there is nothing
+    twice = ones._replace(error=np.where(np.arange(10) < 8, 1.0, 2.0)[:, None, None])
+    assert np.isnan(measured(twice, 0, np.ones(1), 8.0)["return_time"])
 
 
 def test_a_run_fails_by_what_came_first() -> None:

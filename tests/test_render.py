@@ -146,6 +146,11 @@ def test_a_window_is_not_much_larger_than_a_far_ball() -> None:
         across = 2.0 * camera.focal * 0.3 / 10.0
         for span in (rows, columns):
             assert across < span.stop - span.start < 1.5 * across + 2
+    wide = replace(camera, field=2.2, width=300)
+    for depth in (1.6, 2.0, 5.0):  # in radii, where a ball ends at tan(asin(1 / depth)) from the middle
+        near = wide.window(np.array([[10.0 - 0.3 * depth, 0.0, 0.0]]), 0.3)
+        half = wide.focal / np.sqrt(depth**2 - 1.0)
+        assert all(part.start <= 150.0 - half < 150.0 + half <= part.stop for part in near)
     assert camera.window(np.array([[9.8, 0.0, 0.0]]), 0.3) == (slice(0, 300), slice(0, 400))  # about the eye
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -10,9 +12,9 @@ from adaptctl.description.inertia import inertia_tensor
 from adaptctl.dynamics import load
 from adaptctl.experiments.replication.arms import Arm, Study, index
 from adaptctl.experiments.replication.judging import Check, Computation, Item, Outturn, printed
-from adaptctl.experiments.replication.pages import parts
-from adaptctl.experiments.replication.puma560 import _energies, _medians, table6
-from adaptctl.experiments.replication.semi_direct_drive import decoupled
+from adaptctl.experiments.replication.pages import _badge, parts
+from adaptctl.experiments.replication.puma560 import _energies, _medians, figure3, figure4, table6
+from adaptctl.experiments.replication.semi_direct_drive import decoupled, figure6
 from adaptctl.recording.page import Table
 
 pytestmark = pytest.mark.filterwarnings("ignore::adaptctl.errors.PhysicalConsistencyWarning")
@@ -61,6 +63,27 @@ def test_a_table_of_a_report_has_the_checks_at_their_rows_and_columns() -> None:
     places = [("a", "1"), ("a", "2"), ("b", "2")]
     checks = tuple(Check(row, column, f"{row}{column}", "x", Outturn.GIVEN) for row, column in places)
     item = Item("table1", "title", Outturn.GIVEN, "told", (), (), (), checks, Computation())
+    badges = [_badge(verdict) for verdict in Outturn]
+    assert all(cell.badge for cell in badges)
+    assert len({cell.tone for cell in badges}) == len(badges)
     (table,) = (part for part in parts(item) if isinstance(part, Table))
     assert tuple(table.header) == ("entry", "1", "2")
     assert [[getattr(cell, "text", cell) for cell in row] for row in table.rows] == [["a", "x", "x"], ["b", "", "x"]]
+
+
+def test_drawn_torques_and_bounds_are_at_numbers_that_the_paper_prints() -> None:
+    study, paper = Study(printed(), 0, 2, 62, 1.0, 0.7, 11, 0.1), printed()
+    for step, table in ((figure4, "table3"), (figure6, "table10")):
+        (axes,) = step(study).drawings[0].draw().axes
+        counts = [line.get_label().split()[0] for line in axes.lines[1:]]
+        assert len(counts) == 3
+        assert set(counts) < set(paper.items[table].columns)
+        assert counts[-1] == paper.items[table].columns[-1]
+    bounds = re.findall(r"(\d+) components", paper.claims["arm_energy"].quote)
+    found = figure3(study)
+    for axes in found.drawings[0].draw().axes[1:]:
+        below = next(line for line in axes.lines if line.get_marker() == "v")
+        assert below.get_xdata().tolist() == [int(x) for x in bounds] == [11, 17]
+        assert below.get_ydata().tolist() == [0.5, 0.1]
+    median = np.median(study.five_bar.percent_errors, axis=0)
+    assert found.numbers["generic_medians"] == f"{median[11]:.2g} % and {median[17]:.2g} %"
