@@ -12,6 +12,7 @@ ALIKE = {
     "adaptctl/dynamics/loops/assembly.py::_closed 0.0 -> 1.0": "a hundred steps instead of a few: slower alone",
     "adaptctl/dynamics/loops/posture.py::factored 0 -> 1": "columns are of one length",
     "adaptctl/identifiability/priority.py::suggestion 1 -> 2": "of two that are close the first is taken, the closest",
+    "experiments/sheu_walker_1991.py::chosen 1 -> 2": "of two names that are close the first is taken, the closest",
     "adaptctl/control/excitation/excitation_trajectory.py::_gram 1 -> 2": "two samples per product",
     "adaptctl/control/excitation/excitation_trajectory.py::_gram 1 -> 2 (again 1)": "NumPy takes -2 for -1 in a shape",
     "adaptctl/control/excitation/excitation_trajectory.py::_gram 1 -> 2 (again 2)": "NumPy takes -2 for -1 in a shape",

@@ -151,6 +151,21 @@ def test_a_bandwidth_is_stable_by_its_last_third(
     assert laws._is_stable(Laws(robot="two_link"), plant, model, "gradient") is False
 
 
+def test_errors_of_estimates_are_told_at_the_end_and_from_the_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    model: Any = SimpleNamespace(regrouping=np.eye(1), fundamental_parameters=np.array([2.0]))
+    monkeypatch.setattr(ParameterErrors, "along", lambda *_: ParameterErrors(model, np.ones(1)))
+    memory = np.zeros((3, 0))
+    learned = run_of(np.zeros(3), estimate=np.array([[0.0], [1.0], [1.5]]), logged_state=memory)
+    off = run_of(np.zeros(3), ADAPTATION_OFF, estimate=np.array([[1.2], [1.2], [1.2]]), logged_state=memory)
+    told = laws._learned(
+        Laws(robot="two_link"), Outcome(ARM, (learned, off), True), fundamental_basis(essential_space(ARM))
+    )
+    found = {one.name: one.value for one in told.findings}
+    assert found == pytest.approx({"parameter_error.gradient": 0.25, f"parameter_error.{ADAPTATION_OFF}": 0.4})
+    assert "parameter error is 0.25 (" in (told.answer or "")
+    assert "initially 0.4." in (told.answer or "")
+
+
 def test_gains_that_are_refused_are_not_stable(monkeypatch: pytest.MonkeyPatch) -> None:
     def refused(*_: Any) -> Any:
         raise GainError("too large")
