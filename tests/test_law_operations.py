@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from every_law import ARM, law_named
 
+import adaptctl
 from adaptctl.simulation import ClosedLoop, Plant
 from adaptctl.simulation.law_operations import _counted, law_flops
 
@@ -19,3 +20,12 @@ def test_operations_in_a_loop_are_those_of_the_law_alone(name: str, monkeypatch:
     ClosedLoop(Plant(ARM, 1e-3), law).compiled(1.0)
     monkeypatch.setattr(type(law), "kernel", property(lambda _: pytest.fail("the law was traced again")))
     assert law_flops(law) == alone
+
+
+def test_operations_of_an_arm_with_loops_are_those_of_the_law_alone() -> None:
+    """In a simulation the plant closes the loops, too, and what it computes for that would not be counted."""
+    arm = adaptctl.load("semi_direct_drive")
+    law = adaptctl.control.SlotineLi(adaptctl.ReducedModel(arm), 5.0, 10.0)
+    ClosedLoop(Plant(arm, 1e-3), law).compiled(1.0)
+    assert law.kernel is not None
+    assert law_flops(law) == law.kernel.operations.flops

@@ -222,7 +222,8 @@ class ClosedLoop:
     def _counted(self, **columns: Column) -> tuple[Any, ...]:
         results, states = self.step(**columns), len(self.state)
         memory = results[len(self.plant.sizes) + len(_NOTHING) : states]
-        count(self.controller, chain(Sample(*results[states:]).torque, *memory))
+        if self.plant.mechanism.description.loops is None:  # which the plant closes, too
+            count(self.controller, chain(Sample(*results[states:]).torque, *memory))
         return results
 
     def step(self, **columns: Column) -> tuple[Any, ...]:
