@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,11 +30,33 @@ class _Leaking(Descent[NoMemory]):
         prior = np.zeros(len(self.gain)) if self.prior is None else self.prior
         object.__setattr__(self, "prior", frozen_array(prior, (len(self.gain),), "leakage: prior"))
 
-    def leaked(self, estimate: Column, period: Period, rate: Any) -> Column:
-        """Estimate after a gradient step and an implicit leak."""
-        share = period.dt * rate
+    def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
+        """
+        Update the estimate by a gradient step and an implicit Euler step of the leakage.
+
+        Parameters
+        ----------
+        model : ReducedModel
+            Reduced model with k parameters.
+        estimate : Column
+            Estimate (k,) before the period, in SI units.
+        period : Period
+            Sliding variable, torque and regressor of the control period, see `Period`.
+        memory : NoMemory
+            Internal state before the period.
+
+        Returns
+        -------
+        tuple of Column and NoMemory
+            Estimate (k,) in SI units and internal state after the period.
+        """
+        share = period.dt * self._rate(period)
         moved = estimate - self.applied(period.gradient(period.integral))
-        return (1.0 / (1.0 + share)) * (moved + share * column(self.prior))
+        return (1.0 / (1.0 + share)) * (moved + share * column(self.prior)), memory
+
+    @abstractmethod
+    def _rate(self, period: Period) -> Any:
+        """Rate of the leak in 1/s in a control period."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,27 +97,8 @@ class SigmaModification(_Leaking):
 
     tunable = ("gain", "leakage", "prior")
 
-    def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """
-        Update the estimate by a gradient step and an implicit Euler step of the leakage.
-
-        Parameters
-        ----------
-        model : ReducedModel
-            Reduced model with k parameters.
-        estimate : Column
-            Estimate (k,) before the period, in SI units.
-        period : Period
-            Sliding variable, torque and regressor of the control period, see `Period`.
-        memory : NoMemory
-            Internal state before the period.
-
-        Returns
-        -------
-        tuple of Column and NoMemory
-            Estimate (k,) in SI units and internal state after the period.
-        """
-        return self.leaked(estimate, period, self.leakage), memory
+    def _rate(self, period: Period) -> Any:
+        return self.leakage
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,25 +139,6 @@ class EModification(_Leaking):
 
     tunable = ("gain", "leakage", "prior")
 
-    def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
-        """
-        Update the estimate by a gradient step and an implicit Euler step of the leakage.
-
-        Parameters
-        ----------
-        model : ReducedModel
-            Reduced model with k parameters.
-        estimate : Column
-            Estimate (k,) before the period, in SI units.
-        period : Period
-            Sliding variable, torque and regressor of the control period, see `Period`.
-        memory : NoMemory
-            Internal state before the period.
-
-        Returns
-        -------
-        tuple of Column and NoMemory
-            Estimate (k,) in SI units and internal state after the period.
-        """
+    def _rate(self, period: Period) -> Any:
         s = period.mean
-        return self.leaked(estimate, period, self.leakage * sqrt(s @ s)), memory
+        return self.leakage * sqrt(s @ s)
