@@ -107,7 +107,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
                     offer_own(given)
                 _validate_command(given)
-                code = int(app(given) or DONE)
+                if given[-1:] in (["--help"], ["-h"]):
+                    app.help_print(given[:-1])  # asked as a flag, it would go through all flags once more
+                    code = DONE
+                else:
+                    code = int(app(given) or DONE)
             print(end="", flush=True)  # here, where a reader that went away or a full disk can be told of
             return code
         except CycloptsError as error:
