@@ -152,9 +152,9 @@ class WrappedTable:
         """Tables as wide as there is room, at least one column beside the first each."""
         left = list(range(1, len(self.heads)))
         while left:
-            count = 1
-            while count < len(left) and self._width(console, options, left[: count + 1]) <= options.max_width:
-                count += 1
+            count = len(left)
+            while count > 1 and self._width(console, options, left[:count]) > options.max_width:
+                count -= 1
             yield self._table(left[:count])
             left = left[count:]
 
