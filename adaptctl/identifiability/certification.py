@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
-from functools import partial
 from typing import NamedTuple, get_args
 
 import numpy as np
@@ -47,8 +46,6 @@ class CertifiedNullSpace(NamedTuple):
 
     null_space: NullSpace
     certificate: Certificate
-    # The triangle R of energy differences at random states.
-    energies: Callable[[], Array]
     states: str
     proof: ExactEnergies | None = None
 
@@ -109,8 +106,7 @@ def certified_by_decomposition(
     )
     _validate_accepted(mechanism, certificate, scaled.singular_values)
     found = DecomposedNullSpace(scaled, energy_scales(mechanism, seed))
-    energies = partial(getattr, factor, "triangle")
-    return CertifiedNullSpace(found, certificate, energies, _origin(mechanism, samples, seed), proof)
+    return CertifiedNullSpace(found, certificate, _origin(mechanism, samples, seed), proof)
 
 
 def _torque_rank(mechanism: Mechanism, rows: Array, energies: ScaledRegressor) -> int:
@@ -148,11 +144,7 @@ def certified_by_transfers(
     )
     _validate_accepted(mechanism, certificate, once.singular_values)
 
-    def energies() -> Array:
-        some, _ = random_halves(mechanism, samples, np.random.default_rng(seed))
-        return EnergyFactor.of(energy_blocks(mechanism, some)).triangle
-
-    return CertifiedNullSpace(found, certificate, energies, _origin(mechanism, samples, seed), proof)
+    return CertifiedNullSpace(found, certificate, _origin(mechanism, samples, seed), proof)
 
 
 def _taken_as_exact(mechanism: Mechanism, proof: ExactEnergies | None) -> tuple[str, ...]:

@@ -54,6 +54,14 @@ class Search:
 
         return certified(self.mechanism, self.method, self.as_written, self.prove, self.samples, self.seed)
 
+    def energies(self) -> Array:
+        """Triangular factor (n, P), n at most P, of energy differences at the random states."""
+        from adaptctl.identifiability.energy_matrix import EnergyFactor, energy_blocks
+        from adaptctl.identifiability.sampling import random_halves
+
+        some, _ = random_halves(self.mechanism, self.samples, np.random.default_rng(self.seed))
+        return EnergyFactor.of(energy_blocks(self.mechanism, some)).triangle
+
 
 @dataclass(frozen=True, eq=False)
 class EssentialSpace:
@@ -192,7 +200,7 @@ class EssentialSpace:
     @cached_property
     def triangle(self) -> Array:
         """Triangular factor (n, P), n at most P, of the energy differences in J per SI unit."""
-        return (self.energies or self.search.found.energies)()
+        return (self.energies or self.search.energies)()
 
     def draw_others(self, samples: int) -> States | None:
         """
