@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 import adaptctl
-from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
+from adaptctl.compilation.routine import MAX_COMPILED_LINKS
 from adaptctl.errors import AdaptctlError
 from adaptctl.files import write_text
 from adaptctl.tuning import Tuning, Verification, tune

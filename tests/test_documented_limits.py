@@ -7,7 +7,7 @@ from math import log10
 from pathlib import Path
 
 from adaptctl.codegen import exporting, live_arm
-from adaptctl.compilation import kernel, llvm, object_cache, sine
+from adaptctl.compilation import llvm, object_cache, routine, sine
 from adaptctl.control import ringing
 from adaptctl.control.gains import sampling_ratio
 from adaptctl.description import pose, right_angles
@@ -45,9 +45,9 @@ STATED = [
     ("concepts", f"within round-off of such a value ({power(right_angles.EXACT_RIGHT_ANGLE)} rad"),
     ("concepts", f"A value above {sampling_ratio.MAX_SAMPLING_RATIO} is refused"),
     ("concepts", f"in steps of at most {continuation.MAX_PRIMARY_STEP} rad"),
-    ("concepts", f"Mechanisms of more than {kernel.MAX_COMPILED_LINKS} links run the same equations in Python"),
+    ("concepts", f"Mechanisms of more than {routine.MAX_COMPILED_LINKS} links run the same equations in Python"),
     ("compilation", f"Routines of more than {llvm.MAX_WHOLE_EXPRESSIONS:,} operations are compiled in pieces"),
-    ("compilation", f"Above {kernel.MAX_COMPILED_LINKS} links nothing is compiled"),
+    ("compilation", f"Above {routine.MAX_COMPILED_LINKS} links nothing is compiled"),
     ("compilation", f"up to $2^{{{sine.DOUBLE.farthest.hex().rpartition('p+')[2]}}}$ rad"),
     ("compilation", f"The cache holds {object_cache.MAX_CACHE_BYTES // 2**20} MiB"),
     ("compilation", f"A process keeps the first {object_cache.MAX_RESULTS_IN_PROCESS} results."),

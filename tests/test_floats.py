@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from adaptctl.compilation import Kernel, compile_function
-from adaptctl.compilation.kernel import MAX_COMPILED_LINKS, OnFloats, native_or_floats
+from adaptctl.compilation.kernel import OnFloats, native_or_floats
+from adaptctl.compilation.routine import MAX_COMPILED_LINKS
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.scalars import Column, sin, sqrt
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from random_trees import random_chain
 
 from adaptctl.arrays import Array
-from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
+from adaptctl.compilation.routine import MAX_COMPILED_LINKS
 from adaptctl.control import ComputedTorque, Controller, ReferencePoint, SafetyFilter, SlotineLi, adaptation_gain
 from adaptctl.control.pytree import leaves
 from adaptctl.control.safety_filter import _all_finite, _differ

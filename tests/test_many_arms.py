@@ -14,7 +14,7 @@ from random_trees import random_chain
 from sampled_loops import RANGES, arm, full, gains, posture, reduced
 
 from adaptctl.arrays import Array
-from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
+from adaptctl.compilation.routine import MAX_COMPILED_LINKS
 from adaptctl.control import (
     AdaptiveComputedTorque,
     BoundedGainForgetting,

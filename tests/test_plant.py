@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adaptctl.arrays import Array
-from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
+from adaptctl.compilation.routine import MAX_COMPILED_LINKS
 from adaptctl.description import GROUND, Description, Joint, Link, Pose
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError, NonFiniteError

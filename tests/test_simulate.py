@@ -17,7 +17,7 @@ from random_trees import random_chain
 from sampled_loops import RANGES, arm, full, gains, reduced, swinging
 
 from adaptctl.arrays import Array
-from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
+from adaptctl.compilation.routine import MAX_COMPILED_LINKS
 from adaptctl.control import (
     AdaptationLaw,
     AdaptiveComputedTorque,

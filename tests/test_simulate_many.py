@@ -15,7 +15,7 @@ from sampled_loops import arm, gains, posture, reduced, swinging
 
 from adaptctl.arrays import Array
 from adaptctl.compilation import compile_step
-from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
+from adaptctl.compilation.routine import MAX_COMPILED_LINKS
 from adaptctl.control import ComputedTorque, MinimumJerk, PDGravity, Sinusoids, SlotineLi
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.dynamics import Mechanism

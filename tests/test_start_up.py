@@ -72,17 +72,29 @@ def test_the_first_tick_needs_one_kernel_and_no_heavy_package(tmp_path: Path) ->
 
 
 HELPED = ("basis", "design", "doctor", "excite", "experiment", "export", "gains", "identify", "sweep", "tune")
-HELP = """
+COMMANDS = """
 import sys
 from adaptctl.cli.main import main
-for command in sys.argv[1:]:
-    main([command, "--help"])
-    print(command, *sorted({name.partition(".")[0] for name in sys.modules}), file=sys.stderr)
+for line in sys.argv[1:]:
+    main(line.split())
+    print(*sorted(sys.modules), file=sys.stderr)
 """
 
 
-def test_help_needs_no_array() -> None:
-    process = subprocess.run([sys.executable, "-c", HELP, *HELPED], capture_output=True, text=True, timeout=60)
+def imported_after(*lines: str) -> list[set[str]]:
+    """What one process has imported after each of its command lines."""
+    command = [sys.executable, "-W", "ignore", "-c", COMMANDS, *lines]
+    process = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert process.returncode == 0, process.stderr
-    for line, command in zip(process.stderr.splitlines(), HELPED, strict=True):
-        assert not {"numpy", "llvmlite", "msgspec", *HEAVY} & set(line.split()[1:]), command
+    return [set(line.split()) for line in process.stderr.splitlines()]
+
+
+def test_help_needs_no_array() -> None:
+    for command, modules in zip(HELPED, imported_after(*(f"{name} --help" for name in HELPED)), strict=True):
+        assert not {"numpy", "llvmlite", "msgspec", *HEAVY} & modules, command
+
+
+def test_base_parameters_need_no_compiler_and_no_second_certificate() -> None:
+    imported_after("basis two_link")
+    [modules] = imported_after("basis two_link")
+    assert not {"llvmlite", "adaptctl.identifiability.certification", "adaptctl.description.loops", *HEAVY} & modules

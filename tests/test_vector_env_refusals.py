@@ -20,7 +20,7 @@ from vector_envs import (
 
 import adaptctl.envs
 from adaptctl.arrays import Array
-from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
+from adaptctl.compilation.routine import MAX_COMPILED_LINKS
 from adaptctl.control import Sinusoids
 from adaptctl.envs import VectorTrackingEnv
 from adaptctl.errors import InputError, NonFiniteError, NotFoundError

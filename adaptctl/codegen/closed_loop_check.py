@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.codegen.interface import Interface, status_of
-from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
+from adaptctl.compilation.routine import MAX_COMPILED_LINKS
 from adaptctl.control import Reference, ReferencePoint, Sinusoids, TaskSpaceSlotineLi
 from adaptctl.control.gains.workspace import position_range
 from adaptctl.dynamics.joint_units import error_unit

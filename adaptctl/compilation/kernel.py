@@ -17,7 +17,7 @@ from adaptctl.compilation.builtin import Finite, Form, builtin, builtin_source, 
 from adaptctl.compilation.lanes import Lanes, aligned
 from adaptctl.compilation.llvm import program
 from adaptctl.compilation.native import NativeCode, Processor, load
-from adaptctl.compilation.routine import Routine, trace
+from adaptctl.compilation.routine import MAX_COMPILED_LINKS, Routine, trace
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.scalars import Column
 
@@ -366,10 +366,6 @@ def _in_rows(array: Array, sample_axes: int) -> bool:
     apart = sample_axes == 1 == array.ndim - 1 and array.strides[1] == array.itemsize
     beside = array.flags.c_contiguous or (apart and array.strides[0] % array.itemsize == 0)
     return bool(beside and array.flags.aligned)
-
-
-MAX_COMPILED_LINKS = 100
-"""Links up to which equations are compiled: LLVM takes 6 s for a mass matrix."""
 
 
 Equation = Callable[..., tuple[Any, ...]]

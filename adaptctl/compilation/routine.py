@@ -17,6 +17,9 @@ from adaptctl.compilation.node import Node, Value, lift
 from adaptctl.errors import TraceError
 from adaptctl.scalars import Column
 
+MAX_COMPILED_LINKS = 100
+"""Links up to which equations are compiled: LLVM takes 6 s for a mass matrix."""
+
 Shape = tuple[int, ...]
 
 

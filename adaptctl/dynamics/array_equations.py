@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, checked, same_samples, stacked, stacked_rows, writable
 from adaptctl.caching import cached_property
-from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
+from adaptctl.compilation.routine import MAX_COMPILED_LINKS
 from adaptctl.description import Description
 from adaptctl.description.reach import depths
 from adaptctl.dynamics.equations import Equations

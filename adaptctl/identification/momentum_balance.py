@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.caching import cached_property
-from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
+from adaptctl.compilation.routine import MAX_COMPILED_LINKS
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.array_equations import COMPILE_AFTER_STATES, is_long
 from adaptctl.dynamics.recursion.energy import known_momentum_terms, momentum_terms

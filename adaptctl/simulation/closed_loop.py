@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from adaptctl.arrays import Array, whole_number
 from adaptctl.caching import cached_property, sent_as_made
 from adaptctl.compilation import Ensemble, Stepper, compile_step
-from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
+from adaptctl.compilation.routine import MAX_COMPILED_LINKS
 from adaptctl.control.adaptive import AdaptiveState
 from adaptctl.control.controller import GAINS, Controller, Reference, ReferencePoint
 from adaptctl.control.pytree import leaves, like

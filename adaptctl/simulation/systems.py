@@ -10,7 +10,7 @@ import numpy as np
 
 from adaptctl.arrays import Array, numbers, positive_period
 from adaptctl.compilation import compile_function
-from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
+from adaptctl.compilation.routine import MAX_COMPILED_LINKS
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.control.pytree import leaves, like
 from adaptctl.dynamics import Mechanism

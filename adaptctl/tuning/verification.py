@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
+from adaptctl.compilation.routine import MAX_COMPILED_LINKS
 from adaptctl.control import Gains, GuardedLearning, SlotineLi, mapped_gain
 from adaptctl.control.controller import Reference
 from adaptctl.control.gains.workspace import Workspace

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.caching import sent_as_made
-from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
 from adaptctl.compilation.lanes import Precision
+from adaptctl.compilation.routine import MAX_COMPILED_LINKS
 from adaptctl.envs.built_in import Puma560TrackingEnv, SemiDirectDriveTrackingEnv
 from adaptctl.envs.many.arms import Arms, Flags, Told, put
 from adaptctl.envs.task import finite_actions, known_options

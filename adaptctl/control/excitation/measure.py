@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, frozen_array, per_joint, real_number
 from adaptctl.compilation import compile_function
-from adaptctl.compilation.kernel import MAX_COMPILED_LINKS
+from adaptctl.compilation.routine import MAX_COMPILED_LINKS
 from adaptctl.control.adaptation import PriorRanges
 from adaptctl.control.lyapunov import SampledRun
 from adaptctl.errors import InputError
