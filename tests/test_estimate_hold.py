@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import warnings
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ from adaptctl.control.adaptation.prior_ranges import PriorRanges, parameter_samp
 from adaptctl.control.gains.adaptation_ratio import stable_adaptation_below
 from adaptctl.control.gains.workspace import everywhere
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.errors import GainError, StabilityWarning
+from adaptctl.errors import GainError, StabilityWarning, TuningWarning
 from adaptctl.identifiability import ReducedModel
 
 ARM = random_chain(3, 3)
@@ -149,10 +150,13 @@ def test_late_torques_are_stable_up_to_an_adaptation_ratio_and_not_beyond(delay:
 def test_a_gain_is_lowered_to_half_of_what_a_delay_leaves_at_rest(delay: int) -> None:
     model, gains = wrist()
     slow = Gains(gains.bandwidth, 0.3 * gains.damping)
-    high, higher = (
-        adaptation_gain(model, gain_scale=scale, gains=slow, control_period=PERIOD, delay=delay) for scale in (60, 600)
-    )
+    at: Any = {"gains": slow, "control_period": PERIOD}
+    with pytest.warns(TuningWarning, match=f"a delay of {delay} allows") as told:
+        high, higher = (adaptation_gain(model, gain_scale=scale, delay=delay, **at) for scale in (60, 600))
     np.testing.assert_allclose(high, higher)
+    share = float(str(told[0].message).split("lowered to ")[1].split(" ")[0])
+    low = adaptation_gain(model, gain_scale=6e-4, delay=delay, **at)
+    np.testing.assert_allclose(high, share * 1e5 * low, rtol=0.05)
     p = everywhere(model.mechanism).samples
     Y = model.torque_regressor(p, 0.0 * p, 0.0 * p)
     largest = PERIOD * max(np.linalg.eigvals(y * high @ y.T / slow.damping[:, None]).real.max() for y in Y)

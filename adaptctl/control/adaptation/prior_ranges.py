@@ -26,7 +26,15 @@ from adaptctl.control.gains.sampling_ratio import sampling_ratio, stable_below
 from adaptctl.control.gains.workspace import Workspace, workspace_of
 from adaptctl.description.drive import HARMONICS
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import GainError, InputError, NotFoundError, suggested_name, validate_kind
+from adaptctl.errors import (
+    GainError,
+    InputError,
+    NotFoundError,
+    TuningWarning,
+    suggested_name,
+    validate_kind,
+    warn,
+)
 from adaptctl.identifiability import ReducedModel
 
 
@@ -284,6 +292,11 @@ def adaptation_gain(
     InputError
         If a number is not positive, or gains are for another number of joints.
 
+    Warns
+    -----
+    TuningWarning
+        If a delay lowers the gain, with the factor.
+
     Examples
     --------
     >>> adaptctl.adaptation_gain(model, adaptctl.PriorRanges(mass=2.0)).shape
@@ -303,7 +316,14 @@ def adaptation_gain(
     p = workspace_of(model.mechanism, workspace).samples
     at_rest = model.torque_regressor(p, np.zeros_like(p), np.zeros_like(p))
     most = ADAPTATION_RATIO_SHARE * stable_adaptation_below(stable_below(delay) - left, delay)
-    return gain * most / max(most, adaptation_ratio(at_rest, gains.damping, gain, control_period))
+    if (ratio := adaptation_ratio(at_rest, gains.damping, gain, control_period)) <= most:
+        return gain
+    warn(
+        f"{model.mechanism.name}: adaptation gain: lowered to {most / ratio:.2g} times what the ranges give: a delay "
+        f"of {delay} allows an adaptation ratio at rest of {most:.2g}, and it was {ratio:.2g}",
+        TuningWarning,
+    )
+    return gain * (most / ratio)
 
 
 def _left_by(gains: Gains, arm: Mechanism, control_period: float, workspace: Workspace | None, delay: int) -> float:
