@@ -76,6 +76,12 @@ def test_a_step_takes_so_many_operations_at_most(most: int, monkeypatch: pytest.
         assert trial._tried(entrant, known) == 50_000
 
 
+def test_a_law_has_a_minute_to_be_ready(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(trial, "in_time", lambda call, limit: limit)
+    nothing: Any = None
+    assert trial.tried(nothing, nothing) == 60
+
+
 def test_one_law_serves_all_seeds_that_are_told_the_same() -> None:
     class Law:
         def __init__(self, known: Any) -> None:

@@ -88,6 +88,8 @@ def test_measures_are_those_of_errors_written_by_hand() -> None:
     assert found["torque"] == pytest.approx(np.sqrt((1.0 + 1.0 / 16.0) / 2.0))
     assert found["torque_rate"] == pytest.approx(200.0 * np.sqrt((1.0 + 1.0 / 16.0) / 2.0))
     assert found["saturated"] == 1.0
+    twentieths = [1.0] * 16 + [np.sqrt(2.0)] + [2.0] * 3  # two of three samples of the 17th are before 10 s
+    assert found["curve"] == pytest.approx(twentieths)
     whole = runs._replace(time=0.25 * np.arange(10.0), error=error[:10], torque=torque[:10])  # until 2.5 s
     assert "error_2_s" in measured(whole, 0, np.array([1.0, 2.0]), None)
     assert "error_2_s" not in measured(whole._replace(time=0.249 * np.arange(10.0)), 0, np.array([1.0, 2.0]), None)

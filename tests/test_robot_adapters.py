@@ -175,6 +175,8 @@ def test_ur_knows_its_payload_and_stops_where_it_changes(vendor: SimulatedVendor
     vendor.payload = 0.5
     with pytest.raises(RuntimeError, match="payload set at the robot changed"):
         robot.read()
+    robot.stop()
+    assert vendor.calls == ["stop", "stop"]
     vendor.robot = MuJoCoRobot(ARM, 2e-3, CENTER, compensates_gravity=True)
     assert URRobot("robot", LIMITS).tool[0] == 0.5
 
@@ -245,7 +247,8 @@ def plant(port: int, count: int, answers: list[tuple[float, ...]]) -> None:
             link.sendto(datagram, ("127.0.0.1", port))
             if k == 20:
                 stranger.sendto(struct.pack("<5d", k + 0.5, 1.0, 1.0, 0.0, 0.0), ("127.0.0.1", port))
-                for bad in (datagram + b"12345678", datagram[:-3], datagram, struct.pack("<5d", np.nan, *[0.0] * 4)):
+                endless = [struct.pack("<5d", number, *[0.0] * 4) for number in (np.nan, np.inf)]
+                for bad in (datagram + b"12345678", datagram[:-3], datagram, *endless):
                     link.sendto(bad, ("127.0.0.1", port))
             if k >= 5:  # no answer comes to what is read before
                 try:

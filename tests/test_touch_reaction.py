@@ -189,6 +189,9 @@ def test_an_observer_within_a_safety_filter_is_felt() -> None:
 def test_a_touch_is_over_after_a_second_and_clamps_after_three_tenths_at_rest() -> None:
     state, feeling = law().init(CENTER, np.zeros(2)), Feeling(["shoulder", "elbow"])
     pressed: Any = SimpleNamespace(pressed=5.0, level=2.0)
+    pinched = Feeling(["shoulder", "elbow"])
+    pinched.feel(state, 0.0, pressed)
+    assert pinched.clamps(0.0, 0.5)  # from the first moment on
     feeling.feel(state, 1.0)  # nothing
     feeling.feel(state, 2.0, pressed)
     assert [feeling.over(time) for time in (2.5, 3.0, 3.25)] == [False, False, True]
