@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,10 +15,10 @@ from comparisons import PERIOD, comparison
 from adaptctl.arrays import Array
 from adaptctl.dynamics import load
 from adaptctl.experiments.over_time import over_time
-from adaptctl.recording import Comparison
+from adaptctl.recording import Comparison, motion_recording
 from adaptctl.recording.contact_force import contact_forces, contact_points
 from adaptctl.recording.drawing import thinned
-from adaptctl.recording.figures import drawings
+from adaptctl.recording.figures import drawings, spectrum
 from adaptctl.recording.touches import touches
 from adaptctl.simulation.mujoco_plant import TOUCH_FLAGS
 
@@ -88,6 +92,26 @@ def test_torques_and_estimates_are_those_of_the_run(shown: Comparison) -> None:
     largest = int(np.argmax(np.abs(shown.true_parameters)))
     time, height = curves(shown, "parameters", 0)[-1]
     np.testing.assert_allclose(height, np.interp(time, run.time, run.estimate[:, largest]), rtol=1e-9)
+
+
+def test_a_spectrum_tells_how_far_its_rank_is_above_the_rest() -> None:
+    space: Any = SimpleNamespace(singular_values=[4.0, 1.0, 2e-3], rank=2)
+    told: Any = SimpleNamespace(space=space)
+    (axes,) = spectrum(told).axes
+    assert axes.texts[0].get_text() == "2 of 3 are above the gap, a ratio of 500"
+    assert axes.lines[0].get_ydata()[0] == pytest.approx(0.25 / np.sqrt(500.0))
+
+
+@pytest.mark.parametrize(("period", "every"), [(1e-3, 20), (0.5, 1)])
+def test_a_motion_is_recorded_fifty_times_a_second_at_most(
+    period: float, every: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[float] = []
+    live = SimpleNamespace(show=lambda time, *_: told.append(time))
+    monkeypatch.setattr(motion_recording, "Live", lambda *_, **__: nullcontext(live))
+    time = period * np.arange(41)
+    motion_recording.record_motion(Path("a.rrd"), load("two_link"), time, *np.zeros((3, 41, 2)))
+    assert told == time[::every].tolist()
 
 
 def test_forces_of_contacts_are_means_and_points_those_of_the_last_contact(shown: Comparison) -> None:

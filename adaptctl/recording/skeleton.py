@@ -142,5 +142,5 @@ def _distance_to_see(points: Array, toward: Array) -> float:
 def floor_height(mechanism: Mechanism, parts: Skeleton, p: Array) -> float:
     """Height (m) of the floor: 0 where the mechanism stays above, else below its lowest link."""
     heights = link_poses(mechanism, p[:: max(1, -(-len(p) // MAX_POSITIONS))]).translations[..., 2]
-    lowest = min(float(heights.min()), min(link.parent_to_joint.translation[2] for link in mechanism.links[:1]))
+    lowest = min(float(heights.min()), float(mechanism.links[0].parent_to_joint.translation[2]))
     return 0.0 if lowest > 0.0 else lowest - 0.6 * parts.reach
