@@ -18,7 +18,7 @@ import pytest
 from adaptctl.arrays import MAX_SETTING
 from adaptctl.errors import FileError, NotFoundError
 from adaptctl.logs import isolated, lerobot, on_disk, parquet, rerun_recording, ros_bag, text, units
-from adaptctl.logs.table import LogTable, table, validate_size
+from adaptctl.logs.table import LogTable, table, validate_size, whole_stamps
 from adaptctl.logs.text import read_delimited
 from adaptctl.logs.text_form import _is_row, form_of
 
@@ -166,6 +166,28 @@ def test_the_mark_before_decimals_is_told_by_that_after_thousands(
 def test_columns_belong_on_disk_by_the_bytes_of_all_their_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(on_disk, "LARGE", 8 * 12)
     assert [on_disk.is_large(*shape) for shape in ((1, 12), (4, 3), (3, 4), (11, 1))] == [True, True, True, False]
+
+
+def test_stamps_of_two_columns_are_their_sum_in_both() -> None:
+    """However the seconds were begun anew before: both columns are in their own unit and from 0, and tell the rest."""
+    columns = {"sec": np.array([5.0, 6.0]), "nanosec": np.array([999_999_998.0, 4.0])}
+    found = whole_stamps(LogTable("a", columns, begin={"sec": 1e3}))
+    for name, unit in (("sec", 1.0), ("nanosec", 1e9)):
+        np.testing.assert_allclose(found.columns[name], np.array([0.999999998, 1.000000004]) * unit)
+        assert found.begin[name] == 1005.0 * unit
+    assert found.units == {"sec": "s", "nanosec": "ns"}
+
+
+@pytest.mark.parametrize("rows", [2, 3])
+def test_what_is_large_is_on_disk_and_all_else_in_memory(rows: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(on_disk, "LARGE", 8 * 4 * 3)
+    columns, kept = [np.arange(5.0) + k for k in range(4)], np.arange(5) >= 5 - rows
+    wanted = np.array(columns).T[kept]
+    chosen = on_disk.chosen(columns, kept)
+    made = on_disk.of_columns(chosen, rows, 4), on_disk.rowwise(np.negative, wanted)
+    for found, expected in zip((*made, *chosen), (wanted, -wanted, *wanted.T), strict=True):
+        np.testing.assert_array_equal(found, expected)
+        assert found.flags.writeable == (rows < 3)
 
 
 def test_parquet_files_that_are_too_long_are_refused_before_they_are_read(
