@@ -168,19 +168,22 @@ def test_columns_belong_on_disk_by_the_bytes_of_all_their_numbers(monkeypatch: p
     assert [on_disk.is_large(*shape) for shape in ((1, 12), (4, 3), (3, 4), (11, 1))] == [True, True, True, False]
 
 
-def test_stamps_of_two_columns_are_their_sum_in_both() -> None:
+@pytest.mark.parametrize("before", [0.0, 1e3])
+def test_stamps_of_two_columns_are_their_sum_in_both(before: float) -> None:
     """However the seconds were begun anew before: both columns are in their own unit and from 0, and tell the rest."""
     columns = {"sec": np.array([5.0, 6.0]), "nanosec": np.array([999_999_998.0, 4.0])}
-    found = whole_stamps(LogTable("a", columns, begin={"sec": 1e3}))
+    found = whole_stamps(LogTable("a", columns, begin={"sec": before} if before else {}))
     for name, unit in (("sec", 1.0), ("nanosec", 1e9)):
         np.testing.assert_allclose(found.columns[name], np.array([0.999999998, 1.000000004]) * unit)
-        assert found.begin[name] == 1005.0 * unit
+        assert found.begin[name] == (5.0 + before) * unit
     assert found.units == {"sec": "s", "nanosec": "ns"}
 
 
 @pytest.mark.parametrize("rows", [2, 3])
 def test_what_is_large_is_on_disk_and_all_else_in_memory(rows: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    given_back: list[bool] = []
     monkeypatch.setattr(on_disk, "LARGE", 8 * 4 * 3)
+    monkeypatch.setattr(on_disk, "release", lambda: given_back.append(True))
     columns, kept = [np.arange(5.0) + k for k in range(4)], np.arange(5) >= 5 - rows
     wanted = np.array(columns).T[kept]
     chosen = on_disk.chosen(columns, kept)
@@ -188,6 +191,7 @@ def test_what_is_large_is_on_disk_and_all_else_in_memory(rows: int, monkeypatch:
     for found, expected in zip((*made, *chosen), (wanted, -wanted, *wanted.T), strict=True):
         np.testing.assert_array_equal(found, expected)
         assert found.flags.writeable == (rows < 3)
+    assert len(given_back) == (4 + 4 + 1) * (rows == 3)  # a column at a time, and all rows at once
 
 
 def test_parquet_files_that_are_too_long_are_refused_before_they_are_read(
@@ -309,6 +313,17 @@ def test_joint_states_are_those_of_one_robot() -> None:
     )
     with pytest.raises(FileError, match="no joint state has names"):
         ros_bag.joint_table("bag", states([]))
+
+
+def test_only_joint_states_of_one_topic_are_read() -> None:
+    kinds = {"/a": ros_bag.JOINT_STATE, "/b": ros_bag.JOINT_STATE, "/image": "sensor_msgs/msg/Image"}
+    a, b, image = (SimpleNamespace(topic=topic, msgtype=kind) for topic, kind in kinds.items())
+    assert ros_bag._connections("bag", [image, a, a], None) == [a, a]
+    assert ros_bag._connections("bag", [a, b, image], "/b") == [b]
+    with pytest.raises(FileError, match="bag: several joint-state topics: /a, /b; select one"):
+        ros_bag._connections("bag", [a, b], None)
+    with pytest.raises(FileError, match=r"bag: no joint-state topic /image; topics: /a$"):
+        ros_bag._connections("bag", [a, image], "/image")
 
 
 @pytest.mark.parametrize("name", ["zstd", "lz4"])
