@@ -64,10 +64,10 @@ LISTED: tuple[Listed, ...] = (
         ("tests/test_elastic_joints.py::test_steps_are_as_many_as_the_fastest_motion_needs",),
     ),
     Listed(
-        "spring torque without half a step of stretching",
-        "adaptctl/simulation/transmission.py",
-        " * self._stretch(q, motors) + half * (motors.w - v)",
-        " * self._stretch(q, motors)",
+        "spring torque at the start of an implicit step",
+        "adaptctl/simulation/integrator.py",
+        "acceleration(middle, v)",
+        "acceleration(q, v)",
         ("tests/test_one_step.py::test_the_springs_torque_is_that_of_the_steps_end",),
     ),
     Listed(
@@ -80,16 +80,16 @@ LISTED: tuple[Listed, ...] = (
     Listed(
         "implicit positions by the velocity of the end",
         "adaptctl/simulation/integrator.py",
-        "rates(q, 0.5 * (v + after))",
-        "rates(q, after)",
+        "middle + half * rates(middle, after)",
+        "q + dt * rates(middle, after)",
         ("tests/test_one_step.py::test_the_springs_torque_is_that_of_the_steps_end",),
     ),
     Listed(
-        "secant of friction at rest zero, not its slope",
-        "adaptctl/simulation/period.py",
-        "where(moves, torque / speed, slope)",
-        "where(moves, torque / speed, 0.0)",
-        ("tests/test_one_step.py::test_a_joint_that_begins_at_rest_is_braked_by_the_slope_of_its_friction",),
+        "secant of friction before the step, not after it",
+        "adaptctl/dynamics/equations.py",
+        "slowed(self.damping(q, first, parameters), first)",
+        "slowed(self.damping(q, v, parameters), v)",
+        ("tests/test_one_step.py::test_a_joint_that_begins_at_rest_is_braked_by_the_secant_of_its_friction",),
     ),
     Listed(
         "differences start from the present position",

@@ -43,7 +43,7 @@ def swung(mechanism: Mechanism, integrator: Integrator, dt: float, duration: flo
     return np.concatenate((state.p, state.v))
 
 
-@pytest.mark.parametrize(("integrator", "order"), ORDERS)
+@pytest.mark.parametrize(("integrator", "order"), [*ORDERS[:2], (LinearlyImplicitEuler(), 2)])
 def test_order_on_an_oscillator(integrator: Integrator, order: int) -> None:
     ratios = [oscillation(integrator, n) / oscillation(integrator, 2 * n) for n in (20, 40)]
     assert np.allclose(np.log2(ratios), order, atol=0.1)

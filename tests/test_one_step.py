@@ -68,13 +68,15 @@ def test_the_springs_torque_is_that_of_the_steps_end(both: Mechanism) -> None:
     assert np.abs(state.v - start.v).max() > 0.02
 
 
-def test_a_joint_that_begins_at_rest_is_braked_by_the_slope_of_its_friction(both: Mechanism) -> None:
-    """(M + dt B) v_1 = dt torque, B = viscous + (coulomb + stribeck)/0.01: the curve's slope at rest."""
+def test_a_joint_that_begins_at_rest_is_braked_by_the_secant_of_its_friction(both: Mechanism) -> None:
+    """(M + dt B) v_1 = dt torque, B by the curve at the speed that its slope at rest would lead to."""
     friction = Friction(viscous=[0.3, 0.1], coulomb=[1.0, 2.0], stribeck=0.5)
     plant = Plant(both, DT, integrator=LinearlyImplicitEuler(), effects=[friction])
     torque, slope = numbers(0.8, -1.1), numbers(0.3 + 150.0, 0.1 + 250.0)
     state = plant.step(plant.init([0.0, 0.0], [0.0, 0.0]), torque)
-    np.testing.assert_allclose(state.v, DT * torque / (INERTIA + DT * slope), rtol=1e-12)
+    first = DT * torque / (INERTIA + DT * slope)
+    secant = numbers(0.3, 0.1) + (numbers(1.0, 2.0) + 0.5 / (1.0 + (first / 0.1) ** 2)) / np.hypot(first, 0.01)
+    np.testing.assert_allclose(state.v, DT * torque / (INERTIA + DT * secant), rtol=1e-12)
 
 
 @pytest.mark.parametrize("speed", [0.02, 0.1, 0.5])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from adaptctl.caching import cached_property
 from adaptctl.dynamics.motion import Motion, MotionMemory
@@ -389,8 +389,9 @@ class Equations(ABC):
         return inertia.solved(torque - bias)
 
     def damped_dynamics(
-        self, q: Column, v: Column, torque: Column, parameters: Column, dt: float, more: Sequence[Scalar]
-    ) -> Column:
+        self, q: Column, v: Column, torque: Column, parameters: Column, dt: float,
+        more: Callable[[Column], Column],
+    ) -> Column:  # fmt: skip
         """
         Compute the accelerations for a time step with linearly implicit friction, which is stable for stiff friction.
 
@@ -406,31 +407,41 @@ class Equations(ABC):
             Inertial and friction parameters (P,) in SI units.
         dt : float
             Time step in s.
-        more : sequence of scalars
-            Slopes (friction divided by velocity) in N m s/rad of further friction that is in the torque already, at
-            most r.
+        more : callable
+            Function from velocities (r,) to slopes (friction divided by velocity) in N m s/rad (N s/m) of further
+            friction, at most r.
 
         Returns
         -------
         Column
-            Accelerations a (r,) in rad/s^2 (m/s^2) with (M + dt B) a = torque - C v - g - friction at v, where
-            `damping` gives B.
+            Accelerations a (r,) in rad/s^2 (m/s^2) with (M + dt B) a = torque - C v - g - B v, where `damping` and
+            `more` give B at the velocities that the same with B at v would end at: a slope of before a step would
+            overrate Coulomb friction that accelerates.
 
         Examples
         --------
         >>> from adaptctl.scalars import column
         >>> D = column(arm.inertial_parameters)
-        >>> a = arm.equations.damped_dynamics(column(p), column(v), column([0.0, 0.0]), D, 1e-9, [])
+        >>> a = arm.equations.damped_dynamics(column(p), column(v), column([0.0, 0.0]), D, 1e-9, lambda v: column([]))
         >>> bool(np.allclose(list(a), arm.forward_dynamics(p, v, [0.0, 0.0])))
         True
         """
-        rows, damping = self.mass_matrix(q, parameters), self.damping(q, v, parameters)
-        for i, secant in enumerate(more):
-            damping[i][i] = damping[i][i] + secant
-        pairs = (zip(row, damped, strict=True) for row, damped in zip(rows, damping, strict=True))
-        inertia = factorised([[_damped(m, b, dt) for m, b in pair] for pair in pairs])
-        bias = self.inverse_dynamics(q, v, v, Column.zeros(self.dof), parameters)
-        return inertia.solved(torque - bias)
+        rows, own = self.mass_matrix(q, parameters), self.damping(q, v, parameters)
+        free = torque - self.inverse_dynamics(q, v, v, Column.zeros(self.dof), parameters) + _product(own, v)
+
+        def slowed(damping: list[list[Scalar]], speed: Column) -> Column:
+            for i, secant in enumerate(more(speed)):
+                damping[i][i] = damping[i][i] + secant
+            pairs = (zip(row, damped, strict=True) for row, damped in zip(rows, damping, strict=True))
+            inertia = factorised([[_damped(m, b, dt) for m, b in pair] for pair in pairs])
+            return inertia.solved(free - _product(damping, v))
+
+        first = v + dt * slowed(own, v)
+        return slowed(self.damping(q, first, parameters), first)
+
+
+def _product(rows: list[list[Scalar]], v: Column) -> Column:
+    return Column(Column(row) @ v for row in rows)
 
 
 def _damped(inertia: Scalar, damping: Scalar, dt: float) -> Scalar:

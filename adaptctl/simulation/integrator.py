@@ -207,8 +207,9 @@ class LinearlyImplicitEuler:
     -----
     .. math:: (M + \Delta t\,B)(v_1 - v) = \Delta t\,(\tau - C v - g - B v), \quad p_1 = p + \Delta t\,(v + v_1)/2
 
-    with the friction B v at v, Coulomb friction by the secant of its curve: a Rosenbrock method of one stage [1]_.
-    Friction alone never reverses a velocity.
+    with M, C and g half a step ahead, at p + dt v/2. B v is friction by the secant of its curve at the velocity that
+    such a step with the secant at v would end at [1]_. Friction alone never reverses a velocity. Of
+    accelerations that depend on positions alone the order is 2.
 
     References
     ----------
@@ -232,8 +233,8 @@ class LinearlyImplicitEuler:
         Parameters
         ----------
         acceleration : callable
-            Mean accelerations (r,) over the step from (q, v), with the friction of its end, in rad/s^2 (m/s^2 if
-            prismatic).
+            Mean accelerations (r,) over the step from v, at the positions of its middle and with the friction of its
+            end, in rad/s^2 (m/s^2 if prismatic).
         q : Column
             Positions (n,) of the spanning tree's joints, rad (m).
         v : Column
@@ -241,15 +242,17 @@ class LinearlyImplicitEuler:
         dt : float
             Step in s.
         rates : callable, optional
-            Time derivatives (n,) of q at the mean velocity. Default: that velocity, as for a tree.
+            Time derivatives (n,) of q at the velocities of both ends. Default: these, as for a tree.
 
         Returns
         -------
         tuple of Column
             Positions (n,) in rad (m) and velocities (r,) in rad/s (m/s) after the step.
         """
-        after = v + dt * acceleration(q, v)
-        return q + dt * rates(q, 0.5 * (v + after)), after
+        half = 0.5 * dt
+        middle = q + half * rates(q, v)
+        after = v + dt * acceleration(middle, v)
+        return middle + half * rates(middle, after), after
 
 
 MAX_RATE_STEP = 2.5
@@ -257,7 +260,7 @@ MAX_RATE_STEP = 2.5
 MAX_EXPLICIT_SUBSTEPS = 8
 """RK4 steps per control period"""
 MIN_IMPLICIT_SUBSTEPS = 4
-"""within 0.4 mrad of 144 to 556 RK4 steps on arms with stiff friction"""
+"""within 0.03 mrad of 40 RK4 steps on a PUMA that friction of 60 N m stops"""
 
 
 MAX_FREQUENCY_STEP = 1.0

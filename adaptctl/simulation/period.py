@@ -113,14 +113,14 @@ def _rigid(equations: Equations, integrator: Integrator, friction: Sequence[Join
     shared = outlined(explicit) if integrator.stages > 1 else explicit
 
     def moved(q: Column, v: Column, torque: Column, parameters: Column, *firm: Column) -> tuple[Column, Column]:
-        braked = torque
-        for effect in friction:
-            braked = braked - effect.torque(v)
         if not integrator.implicit:
-            return shared(q, v, braked, parameters)
-        secants = [*([_secants(friction, v)] if friction else []), *firm]
-        more = tuple(sum(secants[1:], secants[0])) if secants else ()
-        return equations.joint_velocities(q, v), equations.damped_dynamics(q, v, braked, parameters, dt, more)
+            return shared(q, v, torque - _resisting(friction, v), parameters)
+        held = sum((slope * v for slope in firm), torque)  # what springs take is in the torque already
+
+        def secants(speed: Column) -> Column:
+            return sum(firm, _secants(friction, speed))
+
+        return equations.joint_velocities(q, v), equations.damped_dynamics(q, v, held, parameters, dt, secants)
 
     return Bodies(equations.joint_velocities, moved, equations.nearest_closed)
 
@@ -154,13 +154,16 @@ def joined(links: Column, motors: Column) -> Column:
     return Column((*links, *motors))
 
 
+def _resisting(friction: Sequence[JointEffect], v: Column) -> Column:
+    return sum((effect.torque(v) for effect in friction), Column.zeros(len(v)))
+
+
 def _secants(friction: Sequence[JointEffect], v: Column) -> Column:
-    total = sum((effect.torque(v) for effect in friction), Column.zeros(len(v)))
-    steepest = np.sum([effect.max_slope(len(v)) for effect in friction], axis=0)
-    moving = [absolute(x) > MIN_SECANT_SPEED for x in v]
-    speeds = (where(moves, x, 1.0) for moves, x in zip(moving, v, strict=True))
-    pairs = zip(moving, total, speeds, steepest.tolist(), strict=True)
-    return Column(where(moves, torque / speed, slope) for moves, torque, speed, slope in pairs)
+    """Friction (r,) divided by velocity, its slope where a joint rests."""
+    if not friction:
+        return Column.zeros(len(v))
+    speeds = Column(where(absolute(x) > MIN_SECANT_SPEED, x, MIN_SECANT_SPEED) for x in v)
+    return Column(torque / speed for torque, speed in zip(_resisting(friction, speeds), speeds, strict=True))
 
 
 class PlantState(NamedTuple):

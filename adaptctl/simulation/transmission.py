@@ -98,7 +98,7 @@ class Transmission:
     def springs(self, q: Column, v: Column, motors: Motors, torque: Column, dt: float) -> Springs:
         """`Springs` of an integration step of `dt` (s)."""
         half = (0.5 * dt) * column(self.stiffness)
-        held = column(self.stiffness) * self._stretch(q, motors) + half * (motors.w - v)
+        held = column(self.stiffness) * self._stretch(q, motors)
         return Springs(held, column(self.damping) + half, v, motors, torque, dt)
 
     def energy(self, q: Column, motors: Motors) -> Scalar:
