@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 ALIKE = {
+    "adaptctl/logs/parquet.py::<module> 2 ** 20 -> 2 * 20": "bytes that are read at a time",
+    "adaptctl/logs/parquet.py::read_arrow False -> True": "threads read the same",
     "adaptctl/control/excitation/measure.py::persistent_excitation 0 -> 1": "a window of one sample is too short too",
     "adaptctl/simulation/references.py::warn_of_derivatives -1 -> +1": "times rise",
     "adaptctl/dynamics/loops/continuation.py::Continuation._gap -1 -> +1": "the last axis of two is the second",

@@ -6,8 +6,10 @@ import re
 from math import log10
 from pathlib import Path
 
+from adaptctl import files
 from adaptctl.codegen import exporting, live_arm
 from adaptctl.compilation import llvm, object_cache, routine, sine
+from adaptctl.contest import known
 from adaptctl.control import ringing
 from adaptctl.control.gains import sampling_ratio
 from adaptctl.description import pose, right_angles
@@ -15,9 +17,12 @@ from adaptctl.description.readers import entries, mjcf, xml_elements
 from adaptctl.dynamics.loops import continuation, single_precision
 from adaptctl.dynamics.recursion import drive
 from adaptctl.experiments.contest import MAX_SAMPLES
+from adaptctl.hardware import checks, force_sensor, loop, timing, torque_guard
+from adaptctl.hardware.drive import MAX_ERROR, TOUCH_FORCE
 from adaptctl.identifiability import certificate
 from adaptctl.identification import choice
 from adaptctl.identification.identify import HELD_OUT_SHARE
+from adaptctl.logs import isolated, lerobot, on_disk, table, text
 from adaptctl.simulation import integrator
 from adaptctl.tuning import feasible_gains, feasible_reference, verification
 from adaptctl.tuning.tune import SEARCH_DURATION
@@ -68,6 +73,31 @@ STATED = [
     ("robots", f"frames farther apart than 1e{log10(pose.MAX_LENGTH):.0f} m"),
     ("robots", f"beyond 1e{log10(xml_elements.MAX_MAGNITUDE):.0f}"),
     ("robots", f"within {power(right_angles.ROUNDED_ANGLE)} rad of a multiple of 90°"),
+    ("robots", f"keys of {files.MAX_KEY_PARTS} parts, {files.MAX_TOML_BYTES / 2**20:g} MiB of TOML"),
+    ("robots", f"TOML or {files.MAX_BYTES / 2**20:g} MiB of anything else"),
+    ("contest", f"with each link {percent(known.WRONG_SHARE)} lighter or heavier than in the file"),
+    ("switch_it_on", f"off by more than {percent(checks.GRAVITY_SHARE)} of a torque limit"),
+    ("switch_it_on", f"({percent(checks.MEASURED_SHARE)} against a measured torque)"),
+    ("switch_it_on", f"beyond {percent(torque_guard.RATE_SHARE)} of the robot's limit"),
+    ("switch_it_on", f"a force of {TOUCH_FORCE:g} N (`touch_force`)"),
+    (
+        "switch_it_on",
+        f"silent, or {1e3 * force_sensor.MAX_AGE:g} ms late, for more than {force_sensor.MAX_LOST} periods",
+    ),
+    ("switch_it_on", f"above {MAX_ERROR} rad (`max_error`)"),
+    ("switch_it_on", f"more than {loop.BLIND} periods in a row | the robot's own stop"),
+    ("switch_it_on", f"more than {percent(timing.TOLERANCE)} off"),
+    ("switch_it_on", f"more than {loop.LATE} late periods in a row"),
+    ("switch_it_on", f"sinks by {1e3 * loop.SAG:g} mrad within {1e3 * loop.SAG_TIME:g} ms of their release"),
+    ("identification", f"with {isolated.MEMORY / 2**30:g} GB of memory and {isolated.TIME:g} s"),
+    ("identification", f"Parquet files of more than {on_disk.LARGE / 2**20:g} MB"),
+    (
+        "identification",
+        f"at most {table.MAX_ROWS:,} rows, {table.MAX_COLUMNS:,} columns and {table.MAX_NUMBERS:,} numbers",
+    ),
+    ("identification", f"file of at most {table.MAX_BYTES / 2**30:g} GiB; a text with blanks"),
+    ("identification", f"between its numbers at most {text.MAX_SPACED / 2**30:g} GiB"),
+    ("identification", f"a data set of LeRobot {lerobot.MAX_FILES:,} files"),
     ("identification", f"at most {percent(choice.MAX_MISFIT_RATIO - 1.0)} over that of least squares"),
     ("identification", f"the last {percent(HELD_OUT_SHARE)} of the others"),
     ("identification", f"the same filter of {choice.COMPARISON_CUTOFF:.0f} Hz"),
