@@ -58,6 +58,7 @@ ALIKE = {
     ),
     "adaptctl/contest/ranking.py::agreement (one.ratio(*pair) - 1.0) * (other.ratio(*pair) - 1.0) < 0.0 -> "
     "(one.ratio(*pair) - 1.0) * (other.ratio(*pair) - 1.0) <= 0.0": "ratios of 1 are within their intervals",
+    "envs/rendering.py::intersect distance > 0.0 -> distance >= 0.0": "no eye is on a part to the last bit",
     "envs/rendering.py::intersect height > 0.0 -> height >= 0.0": "no ray meets the rim of an end to the last bit",
     "adaptctl/logs/on_disk.py::_mapped os.fstat(file.fileno()).st_size < size -> "
     "os.fstat(file.fileno()).st_size <= size": ("a file that is made as long as it is stays as it is"),
