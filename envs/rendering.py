@@ -236,7 +236,7 @@ def intersect(solid: ConvexPart, origin: Array, rays: Array) -> Hits:
     """First intersections of rays with a convex solid (Quilez 2016)."""
     axis, away = solid.end - solid.start, origin - solid.start
     length = float(axis @ axis)
-    if length < 1e-12:
+    if not length:
         return _ball(solid.start, solid.radius, origin, rays)
     along, offset = rays @ axis, away @ axis
     a = length - along**2
