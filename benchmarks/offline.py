@@ -58,7 +58,7 @@ def growth(raced: Race, half: str, long: str) -> Spread:
 
 def certified(mechanism: adaptctl.Mechanism) -> CertifiedNullSpace:
     """The search behind `essential_space`, which an earlier process may have spared it."""
-    return Search(mechanism, "automatic", "refuse", None, 2 * mechanism.num_energy_parameters + 1, 0).found
+    return Search(mechanism, "automatic", False, None, 2 * mechanism.num_energy_parameters + 1, 0).found
 
 
 def basis(mechanism: adaptctl.Mechanism) -> Array:

@@ -118,22 +118,17 @@ def _collected(selections: Sequence[_LinkSelection], parameters: int) -> Regroup
     coefficients = np.zeros((len(order), len(removed)))
     end = len(order)
     for own in reversed(selections):
-        begin, (gone, kept) = end - len(own.kept), _apart(own.dependent, row)
+        begin, gone = end - len(own.kept), row[own.dependent] < 0
         coefficients[begin:end, column[own.dependent[gone]]] = own.coefficients[:, gone]
         if len(own.represented):
-            (passed, stays) = _apart(own.representatives, row)
+            passed = row[own.representatives] < 0
             of_them = coefficients[end:, column[own.representatives[passed]]] @ own.weights[passed]
-            of_them[row[own.representatives[stays]] - end] += own.weights[stays]
+            of_them[row[own.representatives[~passed]] - end] += own.weights[~passed]
             coefficients[end:, column[own.represented]] = of_them
-        coefficients[begin:end] -= own.coefficients[:, kept] @ coefficients[row[own.dependent[kept]]]
+        coefficients[begin:end] -= own.coefficients[:, ~gone] @ coefficients[row[own.dependent[~gone]]]
         end = begin
     rising = np.argsort(order)
     return Regrouping(tuple(order[rising].tolist()), tuple(removed.tolist()), coefficients[rising], len(order))
-
-
-def _apart(indices: Indices, row: Indices) -> tuple[Indices, Indices]:
-    """Places of the parameters that are removed in the end, and of those that an ancestor keeps."""
-    return np.flatnonzero(row[indices] < 0), np.flatnonzero(row[indices] >= 0)
 
 
 @dataclass(frozen=True, eq=False)
