@@ -7,6 +7,12 @@ STAMP := .venv/installed
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 DOCS := docs/_build/html
 
+# The locked packages and this one, into another environment: its version is asked for wherever a result is written.
+define installed-into
+$(1)/bin/pip install --quiet --require-hashes --no-deps --only-binary :all: -r requirements.lock
+$(1)/bin/pip install --quiet --no-deps --no-build-isolation -e .
+endef
+
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .PHONY: architecture help demo test test-nightly search golden bench gallery sdist figures check-stability check-export check-page check-pages check-examples check-data check-learners check-neighbours check-robots check-drive mutants lint types docs format contest licences audit lock clean
@@ -75,14 +81,14 @@ check-robots: $(STAMP) ## run the Franka example and a WidowX through the vendor
 
 check-neighbours: ## check bases against figaroh's and Drake's own regressors, runs against Drake's, and in mujoco.sysid, in .venv-neighbours; ten minutes
 	test -x .venv-neighbours/bin/python || $(PYTHON) -m venv .venv-neighbours
-	.venv-neighbours/bin/pip install --quiet --require-hashes --no-deps --only-binary :all: -r requirements.lock
+	$(call installed-into,.venv-neighbours)
 	.venv-neighbours/bin/pip install --quiet figaroh drake 'mujoco[sysid]' || true
 	PYTHONPATH=. .venv-neighbours/bin/python tests/check_neighbours.py
 	PYTHONPATH=. .venv-neighbours/bin/python tests/check_sysid.py
 
 check-data: ## try runs in DuckDB, rerun's catalog, LeRobot, Minari and moviepy, in .venv-data and .venv-lerobot; five minutes
 	test -x .venv-data/bin/python || $(PYTHON) -m venv .venv-data
-	.venv-data/bin/pip install --quiet --require-hashes --no-deps --only-binary :all: -r requirements.lock
+	$(call installed-into,.venv-data)
 	.venv-data/bin/pip install --quiet duckdb moviepy 'minari[create]' 'rerun-sdk[catalog]' || true
 	test -x .venv-lerobot/bin/python || $(PYTHON) -m venv .venv-lerobot
 	.venv-lerobot/bin/pip install --quiet lerobot || true
@@ -91,7 +97,7 @@ check-data: ## try runs in DuckDB, rerun's catalog, LeRobot, Minari and moviepy,
 check-learners: ## run the documented recipes for PPO, SAC and residual learning, in .venv-learn; 20 minutes (RECIPES="ppo sac" for some)
 	test -x .venv-learn/bin/python || $(PYTHON) -m venv .venv-learn
 	.venv-learn/bin/python -c 'import torch, stable_baselines3' 2> /dev/null || .venv-learn/bin/pip install --quiet torch stable-baselines3 || true
-	.venv-learn/bin/pip install --quiet --require-hashes --no-deps --only-binary :all: -r requirements.lock
+	$(call installed-into,.venv-learn)
 	PYTHONPATH=. .venv-learn/bin/python tests/check_learners.py $(RECIPES)
 
 lint: $(STAMP) ## check the code style

@@ -67,6 +67,11 @@ def targets() -> set[str]:
     return set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
 
 
+def recipes() -> dict[str, str]:
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    return dict(re.findall(r"^([a-z-]+):.*\n((?:\t.*\n)+)", makefile, re.MULTILINE))
+
+
 def commands(page: Path) -> list[str]:
     """The lines of a page's console blocks."""
     blocks = FENCE.findall(page.read_text(encoding="utf-8"))
@@ -78,6 +83,16 @@ def test_the_version_is_one() -> None:
     version = project()["project"]["version"]
     assert adaptctl.__version__ == citation["version"] == version
     assert version in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+
+
+def test_checks_in_other_environments_have_the_package_there() -> None:
+    checked = [
+        (place, recipe)
+        for recipe in recipes().values()
+        for place in re.findall(r"(\.venv-[a-z]+)/bin/python tests/check_", recipe)
+    ]
+    assert {place for place, _ in checked} == {".venv-neighbours", ".venv-data", ".venv-learn"}
+    assert all(f"$(call installed-into,{place})" in recipe for place, recipe in checked)
 
 
 def test_the_citation_names_the_paper() -> None:
