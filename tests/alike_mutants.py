@@ -109,6 +109,8 @@ ALIKE = {
     "np.abs(solved) < ZERO_COEFFICIENT -> np.abs(solved) <= ZERO_COEFFICIENT": (
         "no coefficient is 1e-11 to the last bit"
     ),
+    "adaptctl/dynamics/loops/continuation.py::BatchContinuation.followed 1.0 -> 2.0": "signs alone count",
+    "adaptctl/dynamics/loops/continuation.py::BatchContinuation.followed_alone 1.0 -> 2.0": "as above",
     "adaptctl/sweeps/search.py::search 1e+300 -> 2e+300": "errors are below both, and runs that failed above them",
 }
 """Mutants that mean the same as the code, by their keys, and why no test can tell them from it."""

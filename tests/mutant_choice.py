@@ -25,9 +25,11 @@ from mutant_sites import Mutant
 RECORDED = ROOT / "build" / "mutants" / "entered"
 ELSEWHERE = ("benchmarks", "docstring", "layers", "light_core", "mutants", "notebook", "packaging", "public_api")
 """Parts of names of test files that read the code, or take long to start processes of their own."""
-KEPT = tuple(
-    f"tests/test_golden.py::test_{what}_kept"
-    for what in ("public_names_are_those", "defaults_and_bounds_of_settings_are_those", "help_is_the_one")
+KEPT = (
+    "tests/test_golden.py::test_public_names_are_those_kept",
+    "tests/test_golden.py::test_defaults_and_bounds_of_settings_are_those_kept",
+    "tests/test_golden.py::test_help_is_the_one_kept",
+    "tests/test_documented_limits.py::test_stated_limits_are_those_of_the_code",
 )
 """They compare what modules and classes say of themselves, and enter no function of theirs for that."""
 PICTURES = "tests/test_golden.py::test_figures_and_recordings_show_what_is_kept"

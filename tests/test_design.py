@@ -16,6 +16,8 @@ from adaptctl.description import Description, Joint, Link
 from adaptctl.description.inertia import from_center_of_mass, is_physically_consistent, pseudo_inertia
 from adaptctl.description.pose import Pose
 from adaptctl.design import (
+    Counterweights,
+    DesignStudy,
     DesignTask,
     MountingBounds,
     added_mass,
@@ -261,6 +263,22 @@ def test_removals_save_operations() -> None:
     assert together.rank < best.rank
     assert together.description == "use all existing symmetries"
     assert operations_saved(T, together) > operations_saved(T, best)
+
+
+def test_symmetries_are_recommended_before_masses() -> None:
+    T = task("semi_direct_drive")
+    places = bounds(T.mechanism, ARMS["semi_direct_drive"])
+    found = tuple(simplifications(T, places))
+    study = DesignStudy(T, point(1.0), places, 1.0, Counterweights(T, "energy", 1.0, (), (), 0), found[::-1])
+    kinds = [removal.kind for removal, _ in study.recommended]
+    assert kinds[0] == "symmetry" != kinds[-1]
+    assert kinds == sorted(kinds, key=lambda kind: kind != "symmetry")
+
+
+def test_a_counterweight_of_a_gram_is_found() -> None:
+    gram = MountingBounds("upper", np.array([-0.6, 0.0, 0.0]), np.zeros(3), 1e-3)
+    (weight,) = optimal_counterweights(DesignTask.within_limits(adaptctl.load("two_link"), 20), [gram]).weights
+    assert weight.mass == pytest.approx(1e-3)
 
 
 def test_a_task_without_energy_is_refused() -> None:

@@ -69,6 +69,10 @@ STATED = [
     ("robots", f"at most {entries.MAX_LINKS} moving links, {entries.MAX_BODIES:,} bodies"),
     ("robots", f"{entries.MAX_GEOMS:,} geoms, {xml_elements.MAX_ELEMENTS:,} elements"),
     ("robots", f"an element depth of {xml_elements.MAX_DEPTH}"),
+    (
+        "robots",
+        f"of {xml_elements.MAX_NAME_CHARACTERS} characters and numbers of {xml_elements.MAX_NUMBERS_CHARACTERS:,} in",
+    ),
     ("robots", f"with {mjcf.MAX_MESH_SECONDS} s and {mjcf.MAX_MESH_MEMORY / 2**30:g} GiB"),
     ("robots", f"frames farther apart than 1e{log10(pose.MAX_LENGTH):.0f} m"),
     ("robots", f"beyond 1e{log10(xml_elements.MAX_MAGNITUDE):.0f}"),

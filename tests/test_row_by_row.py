@@ -96,3 +96,13 @@ def test_they_check_and_fill_what_they_are_given(calls: int) -> None:
 @pytest.mark.parametrize("n", [1, 2, 7])
 def test_unit_rows_are_the_identity(n: int) -> None:
     np.testing.assert_array_equal(unit_rows(n), np.eye(n))
+
+
+def test_no_state_is_asked_of_the_whole_once_its_rows_are_native(short: None) -> None:
+    arm = random_tree(4, 5)
+    equation: Any = arm._arrays.torque_regressor
+    assert not equation.is_native(1)
+    assert equation.is_native(array_equations.COMPILE_AFTER_STATES)
+    equation._whole.call = lambda *arguments: pytest.fail("the whole was asked")
+    p, v, _, a = states(arm, 2)
+    assert arm.torque_regressor(p, v, a).shape[0] == 2

@@ -160,11 +160,9 @@ def _body_of(arm: MujocoArm, i: int, link: Link) -> tuple[float, Array, Array, A
 def principal_axes(ten: Array, name: str) -> tuple[float, Array, Array, Array]:
     """Mass, centre of mass, principal axes and moments of a rigid body."""
     mass = float(ten[0])
-    if mass == 0.0 and not np.any(ten):
-        return 0.0, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)
-    if mass <= 0.0:
+    if mass <= 0.0 and np.any(ten):
         raise InputError(f"link {name!r}: mass: expected a positive number for MuJoCo, got {mass:g}")
-    center = ten[1:4] / mass
+    center = ten[1:4] / (mass or 1.0)
     at_center = transformed(ten, Pose(np.eye(3), -center))
     moments, axes = np.linalg.eigh(inertia_tensor(at_center))
     axes[:, 0] *= np.sign(np.linalg.det(axes))

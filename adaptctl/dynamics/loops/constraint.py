@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from adaptctl.description.loops import ClosureKind
-from adaptctl.dynamics.recursion.motion import GROUND
+from adaptctl.dynamics.recursion.motion import AXES, GROUND
 from adaptctl.dynamics.recursion.segment import Placement
 from adaptctl.scalars import ZERO, Column, Mat, Scalar, Vec, cross, product
-
-_AXES = Mat.of(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
 
 
 @dataclass(frozen=True)
@@ -51,7 +49,7 @@ class Reach(NamedTuple):
 
 def reach(places: Sequence[Placement] | Mapping[int, Placement], side: ClosureSide) -> Reach:
     """One side of a loop closure at one configuration."""
-    rotation, origin, hinges = _AXES, ZERO, []
+    rotation, origin, hinges = AXES, ZERO, []
     for i in side.links:
         place = places[i]
         joint = origin + rotation @ place.near

@@ -9,11 +9,9 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, stacked
 from adaptctl.dynamics.mechanism import Mechanism
-from adaptctl.dynamics.recursion.motion import GROUND
+from adaptctl.dynamics.recursion.motion import AXES, GROUND
 from adaptctl.dynamics.recursion.segment import Placement, Segment, placements
 from adaptctl.scalars import ZERO, Column, Mat, Vec, column, cross, dot
-
-_WORLD_AXES = Mat.of(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
 
 
 class Frame:
@@ -77,7 +75,7 @@ def _placed(mechanism: Mechanism, p: ArrayLike) -> tuple[list[Frame], tuple[int,
 
 
 def _base(segment: Segment, placed: Sequence[Frame]) -> Frame:
-    return placed[segment.parent] if segment.parent != GROUND else Frame(_WORLD_AXES, ZERO)
+    return placed[segment.parent] if segment.parent != GROUND else Frame(AXES, ZERO)
 
 
 def _joint_position(segment: Segment, base: Frame) -> Vec:

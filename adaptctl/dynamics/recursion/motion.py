@@ -9,6 +9,7 @@ from adaptctl.dynamics.recursion.segment import Placement
 from adaptctl.scalars import ZERO, Column, Mat, Scalar, Vec, cross
 
 GROUND = -1
+AXES = Mat.of(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
 
 
 class Twist:
