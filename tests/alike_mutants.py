@@ -111,6 +111,7 @@ ALIKE = {
     ),
     "adaptctl/dynamics/loops/continuation.py::BatchContinuation.followed 1.0 -> 2.0": "signs alone count",
     "adaptctl/dynamics/loops/continuation.py::BatchContinuation.followed_alone 1.0 -> 2.0": "as above",
+    "adaptctl/codegen/c_program.py::CProgram._piece 0 -> 1 (again 1)": "the first piece has the first two operations",
     "adaptctl/sweeps/search.py::search 1e+300 -> 2e+300": "errors are below both, and runs that failed above them",
 }
 """Mutants that mean the same as the code, by their keys, and why no test can tell them from it."""

@@ -184,7 +184,9 @@ def test_a_recording_shows_the_log_from_the_first_of_its_torques(
 def test_the_comparison_shows_it_on_a_real_log(tmp_path: Path) -> None:
     with example("tx40") as files:
         result = compared_estimators(files.log, files.robot, files.drives)
-    exact, one, _, _, measured = result.measured
+    exact, one, five, tenth, measured = result.measured
+    assert five.off == pytest.approx(5.0 * one.off)
+    assert tenth.off == pytest.approx(0.1 * measured.off)
     assert exact.momentum < 1e-3
     assert exact.energy < 0.1
     assert one.energy > 10.0 * one.momentum

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from every_law import LAWS
 
 import adaptctl
+from adaptctl.codegen.initialisation import _computed
 from adaptctl.control import ReferencePoint, Sinusoids
 from adaptctl.errors import FileError, InputError, NonFiniteError
 
@@ -59,3 +61,9 @@ def test_what_is_no_path_is_refused(directory: Any, tmp_path: Path, monkeypatch:
 def test_choices_are_texts(name: str, wrong: Any, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=f"{name}: expected (double or float|c or wasm), got "):
         adaptctl.export(LAWS["guarded"], tmp_path / "out", **{name: wrong})
+
+
+def test_memory_of_other_laws_that_depends_on_positions_is_named() -> None:
+    other: Any = SimpleNamespace(innermost=object(), memory=[SimpleNamespace(name="filtered", size=2)])
+    with pytest.raises(InputError, match="object: the initial state filtered depends on the position"):
+        _computed(other, (0,))

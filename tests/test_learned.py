@@ -13,7 +13,9 @@ from sampled_loops import arm, gains, loop, own_gain, reduced, swinging
 
 from adaptctl import SlotineLi
 from adaptctl.control import Gradient, GuardedLearning, save_learned, warm_start
+from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.errors import InputError
+from adaptctl.identification import learned_payload
 
 ARM = "puma560_arm3"
 TRUE = reduced(ARM).fundamental_parameters
@@ -52,6 +54,16 @@ def test_estimate_and_covariance_go_on_where_they_were(learned: Any, share: floa
     ]
     scale = np.sqrt(np.outer(first.gain, first.gain))
     np.testing.assert_allclose(information[1] * scale, information[0] * scale, rtol=1e-6, atol=1e-6)
+
+
+def test_a_change_by_a_body_at_the_last_link_is_that_body(learned: Any) -> None:
+    controller, state = learned
+    tens = 10 * len(controller.model.mechanism.description.body_names)
+    body = from_center_of_mass(1.5, [0.1, 0.0, 0.2], 0.01 * np.eye(3))
+    change = np.asarray(controller.model.regrouping)[:, tens - 10 : tens] @ body
+    found = learned_payload(controller, state._replace(estimate=controller.initial + change))
+    assert found is not None
+    np.testing.assert_allclose(found.ten[:4], body[:4], rtol=0.01, atol=2e-3)
 
 
 def test_it_errs_less_from_the_first_second(learned: Any, tmp_path: Path) -> None:

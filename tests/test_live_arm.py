@@ -31,6 +31,7 @@ from adaptctl.recording.report import report
 from adaptctl.simulation import Plant
 from adaptctl.simulation.closed_loop import ClosedLoop, Sample
 from adaptctl.simulation.effects import ControlDelay
+from adaptctl.simulation.law_operations import law_flops
 from adaptctl.simulation.references import REFERENCE
 
 SWING = Sinusoids(np.zeros(3), np.full(3, 0.2), np.array([0.3, 0.5, 0.7]))
@@ -69,8 +70,18 @@ def test_the_loop_in_the_page_is_the_one_that_is_simulated(name: str) -> None:
         np.testing.assert_allclose(torque, sample.torque[k], rtol=0, atol=1e-10 * np.abs(sample.torque).max())
         error = plant.positions(sample.q[k]) - points.p[k]
         np.testing.assert_allclose(machine.read(8 * facts["error"], 3), error, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(machine.read(8 * facts["goal"], 3), points.p[k], rtol=0, atol=1e-12)
+        places = link_poses(mechanism, points.p[k] + error).translations
+        np.testing.assert_allclose(machine.read(8 * facts["places"], places.size), places.ravel(), rtol=0, atol=1e-12)
         for at, to, size in zip(facts["next"], facts["state"], facts["sizes"], strict=True):
             machine.write(8 * to, machine.read(8 * at, size))
+
+
+@pytest.mark.parametrize("fewer", [0, 1])
+def test_a_law_of_as_many_operations_as_fit_is_shown(fewer: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    law = slotine_li(GAIN)
+    monkeypatch.setattr(module, "MAX_LAW_FLOPS", (law_flops(law) or 0) - fewer)
+    assert bool(module._obstacle(Plant(ARM, 1e-3), law, SWING)) == bool(fewer)
 
 
 def test_friction_and_limits_of_the_page_act_on_the_arm() -> None:

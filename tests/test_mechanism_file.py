@@ -14,7 +14,7 @@ from adaptctl.description import ClosureKind, Description, JointKind, Limits, Po
 from adaptctl.description.pose import FrameKind, NamedFrame, roll_pitch_yaw
 from adaptctl.description.writers.mechanism_file import _rpy, mechanism_toml
 from adaptctl.dynamics import load
-from adaptctl.errors import FileError, InputError, LoopError, NotFoundError
+from adaptctl.errors import FileError, InputError, LoopError, NotFoundError, SimplificationWarning
 
 HEAD = 'schema = "adaptctl/mechanism/1"\n'
 TREE = HEAD + 'links = [{ name = "a", joint = "one" }, { name = "b", parent = "a", joint = "two" }]\n'
@@ -352,3 +352,10 @@ def test_written_angles_turn_as_the_matrix_does(roll: float, pitch: float, yaw: 
     found = _rpy(R)
     np.testing.assert_allclose(Rotation.from_euler("xyz", found).as_matrix(), R, rtol=0, atol=1e-12)
     assert abs(pitch) < 1.5 or found[2] == 0.0
+
+
+@pytest.mark.parametrize("angles", ["rpy = [0, 90, 0]", "far = { rpy = [0, 0, -90] }"])
+def test_angles_of_more_than_a_turn_are_named_by_their_link(angles: str, tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text(TREE.replace('joint = "two"', f'joint = "two", {angles}'))
+    with pytest.warns(SimplificationWarning, match=r"rpy of \$.links\[1\]"):
+        read_mechanism_file(tmp_path / "a.toml")

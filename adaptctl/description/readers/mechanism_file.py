@@ -156,15 +156,11 @@ def read_mechanism_file(path: str | Path) -> Description:
         description = Description(name, links, gravity, content.source.strip(), loops, frames=frames)
     except InputError as error:
         raise FileError(with_line(f"{path}: {error}", read_text(path))) from error
-    turned = (i for i, entry in enumerate(content.links) if is_more_than_a_turn((*_rpy(entry), *_rpy(entry.far))))
-    warn_of_degrees(path, links, [f"rpy of $.links[{i}]" for i in turned])
+    turned = [any(map(is_more_than_a_turn, (entry.rpy, entry.far.rpy))) for entry in content.links]
+    warn_of_degrees(path, links, [f"rpy of $.links[{i}]" for i in np.flatnonzero(turned)])
     warn_of_weightless(path, links, loops)
     warn_of_repeated(path, repeated)
     return description
-
-
-def _rpy(frame: TreeLink | FrameEntry) -> Triple:
-    return frame.rpy or (0.0, 0.0, 0.0)
 
 
 def _links(entries: Sequence[TreeLink]) -> tuple[Link, ...]:
