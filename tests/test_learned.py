@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from adaptctl import SlotineLi
 from adaptctl.control import Gradient, GuardedLearning, save_learned, warm_start
 from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.errors import InputError
-from adaptctl.identification import learned_payload
+from adaptctl.identification import learned_payload, told
 
 ARM = "puma560_arm3"
 TRUE = reduced(ARM).fundamental_parameters
@@ -64,6 +65,23 @@ def test_a_change_by_a_body_at_the_last_link_is_that_body(learned: Any) -> None:
     found = learned_payload(controller, state._replace(estimate=controller.initial + change))
     assert found is not None
     np.testing.assert_allclose(found.ten[:4], body[:4], rtol=0.01, atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("heavy", "off", "expected"),
+    [
+        (3.0, (0.99, 0.029, 0.0089), [True, True, True]),
+        (3.0, (1.01, 0.001, 0.0001), [False, False, False]),
+        (3.0, (0.5, 0.031, 0.0091), [True, False, False]),
+        (0.2, (0.099, 0.029, 0.0007), [True, True, False]),
+        (0.2, (0.101, 0.001, 0.0001), [False, False, False]),
+    ],
+)
+def test_mass_centre_and_inertia_are_told_that_are_within_a_share_of_the_mass(
+    heavy: float, off: tuple[float, float, float], expected: list[bool]
+) -> None:
+    payload: Any = SimpleNamespace(mass=heavy, deviations=np.repeat(off, [1, 3, 6]) / 1.96)
+    assert told(payload).tolist() == expected
 
 
 def test_it_errs_less_from_the_first_second(learned: Any, tmp_path: Path) -> None:

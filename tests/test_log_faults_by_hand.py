@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -9,8 +12,10 @@ from adaptctl.arrays import Array
 from adaptctl.description import Joint
 from adaptctl.identification import log_checks as checks
 from adaptctl.identification.lasting_noise import Whitening
+from adaptctl.identification.one_way import one_way_joints
 from adaptctl.identification.position_faults import frozen_position, odd_stamps, slips
 from adaptctl.identification.time_scale import ScaledTimes
+from adaptctl.identification.validation import _swing_words
 
 JOINT = Joint("j")
 STEADY = 0.01 * np.arange(400.0)
@@ -202,6 +207,22 @@ def test_rows_are_lost_where_all_joints_move_alike_and_two_fifths_off(
     factors: tuple[float, float], jitter: float, told: bool
 ) -> None:
     assert bool(stamped(np.array(factors), jitter)) == told
+
+
+@pytest.mark.parametrize(("back", "speed", "told"), [(9, 1.0, True), (11, 1.0, False), (100, 0.09, True)])
+def test_a_joint_has_one_way_where_a_hundredth_of_its_rows_has_the_other(back: int, speed: float, told: bool) -> None:
+    velocity = np.append(np.ones(1000 - back), np.full(back, -speed))
+    rows = {1.0: SimpleNamespace(velocity=np.column_stack([velocity, -velocity]))}
+    arm = SimpleNamespace(primary_joints=[JOINT, Joint("k")])
+    evidence: Any = SimpleNamespace(band=1.0, rows=rows, mechanism=arm)
+    assert one_way_joints(evidence) == ["j", "k"] * told
+
+
+@pytest.mark.parametrize(("mean", "told"), [(0.09, True), (-0.09, True), (0.11, False), (-0.11, False)])
+def test_positions_swing_about_zero_that_are_a_tenth_of_their_swing_off(mean: float, told: bool) -> None:
+    swing = np.array([[1.0, 1.0], [-1.0, -1.0]])
+    evidence: Any = SimpleNamespace(motions=[SimpleNamespace(position=swing + [mean, 0.0])])
+    assert ("about 0" in _swing_words(evidence)) == told
 
 
 @pytest.mark.parametrize("octave", [-2.3, -0.4, 0.1, 0.4, 3.0])
