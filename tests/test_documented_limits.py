@@ -24,8 +24,13 @@ from adaptctl.identification import choice
 from adaptctl.identification.identify import HELD_OUT_SHARE
 from adaptctl.logs import isolated, lerobot, on_disk, table, text
 from adaptctl.simulation import integrator
-from adaptctl.tuning import feasible_gains, feasible_reference, verification
-from adaptctl.tuning.tune import SEARCH_DURATION
+from adaptctl.tuning import default_gains, feasible_gains, feasible_reference, verification
+from adaptctl.tuning.tune import (
+    SEARCH_DURATION,
+    SEARCHED_ADAPTATION_RATIOS,
+    SEARCHED_BANDWIDTHS,
+    SEARCHED_SAMPLING_RATIOS,
+)
 
 ROOT = Path(__file__).parent.parent
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -40,6 +45,11 @@ def power(value: float) -> str:
 
 def percent(share: float) -> str:
     return f"{100.0 * share:.0f} %"
+
+
+def any_of(values: tuple[float, ...]) -> str:
+    *most, last = (f"{value:g}" for value in values)
+    return f"{', '.join(most)} or {last}"
 
 
 STATED = [
@@ -113,6 +123,13 @@ STATED = [
     ("tuning", "One sinusoid per joint, {} to {} Hz".format(*feasible_reference.FREQUENCIES)),
     ("tuning", f"up to {percent(feasible_reference.MAX_TORQUE_SHARE)}. The amplitude"),
     ("tuning", f"up to {integrator.MAX_EXPLICIT_SUBSTEPS} steps per period"),
+    ("tuning", rf"$\Lambda_j = \min({default_gains.DEFAULT_BANDWIDTH:.0f},"),
+    ("tuning", f"is at most {default_gains.DEFAULT_SAMPLING_RATIO} along the"),
+    ("tuning", f"what the torque limit corrects at {feasible_gains.MIN_BANDWIDTH:.0f} 1/s"),
+    ("tuning", f"the bandwidth ({any_of(SEARCHED_BANDWIDTHS)} 1/s)"),
+    ("tuning", f"the damping number ({any_of(SEARCHED_SAMPLING_RATIOS)})"),
+    ("tuning", f"the adaptation number ({any_of(SEARCHED_ADAPTATION_RATIOS)})"),
+    ("tuning", f"for {verification.OTHER_DURATION} s from {verification.OTHER_STARTS} starts"),
     ("tuning", f"are run for {SEARCH_DURATION:.0f} s each"),
     ("tuning", f"link errors of {percent(verification.LINK_ERROR)}, and other link errors"),
     ("tuning", f"of runs of {verification.DURATION:.0f} s"),

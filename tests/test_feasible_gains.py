@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
 from typing import Any
 
@@ -20,6 +21,7 @@ from adaptctl.tuning import with_friction
 from adaptctl.tuning.default_gains import DefaultGains, _groups, prior_ranges
 from adaptctl.tuning.feasible_gains import (
     FeasibleGains,
+    _validate_inertia,
     _worst,
     feasible_gains,
     limitations,
@@ -256,3 +258,18 @@ def test_gains_of_parameters_have_one_effect_in_a_group_of_a_link_or_its_frictio
     assert (rule.errors.min(axis=0) < 0.0).all()
     assert (rule.errors.max(axis=0) > 0.0).all()
     assert 0.15 < np.abs(rule.postures - points.p).max() <= 0.2
+
+
+@pytest.mark.parametrize(
+    ("diagonal", "product", "told"),
+    [
+        ((1.0, 0.5e-12), 0.0, "moves no inertia"),
+        ((1.0, 2.0e-12), 0.0, ""),
+        ((1.0, 1.0), 1.0 - 0.5e-10, "is not positive definite"),
+        ((1.0, 1.0), 1.0 - 1.5e-10, ""),
+    ],
+)
+def test_inertias_count_beyond_round_off(diagonal: tuple[float, float], product: float, told: str) -> None:
+    M = np.diag(diagonal) + product * (1.0 - np.eye(2))
+    with pytest.raises(InputError, match=told) if told else nullcontext():
+        _validate_inertia(ARM, M[None])

@@ -221,7 +221,7 @@ def test_a_joint_has_one_way_where_a_hundredth_of_its_rows_has_the_other(back: i
 @pytest.mark.parametrize(("mean", "told"), [(0.09, True), (-0.09, True), (0.11, False), (-0.11, False)])
 def test_positions_swing_about_zero_that_are_a_tenth_of_their_swing_off(mean: float, told: bool) -> None:
     swing = np.array([[1.0, 1.0], [-1.0, -1.0]])
-    evidence: Any = SimpleNamespace(motions=[SimpleNamespace(position=swing + [mean, 0.0])])
+    evidence: Any = SimpleNamespace(motions=[SimpleNamespace(position=swing + np.array([mean, 0.0]))])
     assert ("about 0" in _swing_words(evidence)) == told
 
 

@@ -13,12 +13,11 @@ from two_links import ARM, AT_REST, LIMITS, changed
 from adaptctl.control import GuardedLearning, PDGravity, Sinusoids
 from adaptctl.description import JointKind, Limits
 from adaptctl.description.drive import Drive
+from adaptctl.dynamics import load
 from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation import LinearlyImplicitEuler, SemiImplicitEuler
 from adaptctl.tuning import Tuning, tune
-from adaptctl.tuning.feasible_reference import (
-    FeasibleReference,
-)
+from adaptctl.tuning.feasible_reference import FeasibleReference, _center, _costs, motion_ranges
 from adaptctl.tuning.learning_rule import learning_by_rule
 from adaptctl.tuning.named_laws import guarded, named_law
 from adaptctl.tuning.rotors import rotor_note, rotorless
@@ -229,3 +228,13 @@ def test_a_filter_has_the_speeds_of_the_joints_or_half_more_than_is_asked(tuned:
     named: Any = guarded(law, tuned)
     assert named.velocity_limits.tolist() == [6.0, 6.0]
     assert named.position_limits == pytest.approx(np.deg2rad([[-170, -150], [170, 150]]))
+
+
+def test_the_center_of_an_arm_with_loops_is_near_its_home_and_cheaper() -> None:
+    arm = load("semi_direct_drive")
+    lower, upper = motion_ranges(arm)
+    home, half, limits = arm.neutral_configuration, 0.5 * (upper - lower), np.full(arm.dof, 50.0)
+    center = _center(arm, limits, np.random.default_rng(0))
+    costs = _costs(arm, limits, np.stack((center, home)), 0.5 * (lower + upper), half)
+    assert costs[0] < costs[1]
+    assert np.all(np.abs(center - home) <= 0.3 * 0.8 * half)
