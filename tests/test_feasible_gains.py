@@ -22,7 +22,7 @@ from adaptctl.tuning.default_gains import DefaultGains, _groups, prior_ranges
 from adaptctl.tuning.feasible_gains import (
     FeasibleGains,
     _validate_inertia,
-    _worst,
+    _Worst,
     feasible_gains,
     limitations,
     recoverable_error,
@@ -182,8 +182,21 @@ def test_a_centre_is_rounded_to_thousandths_of_half_its_range() -> None:
 
 def test_the_worst_posture_is_told_with_each_joints_part_in_it() -> None:
     inverses = np.array([np.diag([1.0, 3.0, 2.0]), np.diag([1.0, 2.0, 4.0]), np.diag([5.0, 1.0, 2.0])])
-    number, shares = _worst(inverses, 0.5, np.array([1.0, 4.0, 2.0]))
+    number, shares = _Worst(inverses, 0.5).of(np.array([1.0, 4.0, 2.0]))
     assert (number, shares.tolist()) == (pytest.approx(6.0), pytest.approx([0.0, 1.0, 0.0]))
+
+
+def test_the_worst_posture_is_found_again_after_each_change_of_damping() -> None:
+    rng = np.random.default_rng(0)
+    roots, damping, found = rng.normal(size=(50, 3, 3)), np.ones(3), set[int]()
+    inverses = roots @ roots.swapaxes(1, 2)
+    worst = _Worst(inverses, 0.5)
+    for _ in range(200):
+        damping = damping * rng.uniform(0.8, 1.2, 3)
+        numbers = np.linalg.eigvals(0.5 * inverses * damping).real.max(axis=1)
+        assert worst.of(damping)[0] == pytest.approx(numbers.max(), rel=1e-12)
+        found.add(int(numbers.argmax()))
+    assert len(found) > 1
 
 
 def test_prior_ranges_are_of_a_body_that_the_joint_can_move() -> None:

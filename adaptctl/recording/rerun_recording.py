@@ -323,8 +323,9 @@ def finite_part(comparison: Comparison) -> Comparison:
 def _finite_samples(run: ControllerRun) -> int:
     rollout = run.rollout
     arrays = (rollout.p, rollout.v, rollout.torque, rollout.applied, rollout.estimate)
-    holes = np.flatnonzero(~np.logical_and.reduce([np.isfinite(x).all(axis=1) for x in arrays]))
-    return max(1, int(holes[0])) if len(holes) else len(rollout.time)
+    if all(np.isfinite(x).all() for x in arrays):
+        return len(rollout.time)
+    return max(1, int(np.logical_and.reduce([np.isfinite(x).all(axis=1) for x in arrays]).argmin()))
 
 
 def _beginning(run: ControllerRun, count: int) -> ControllerRun:

@@ -9,10 +9,9 @@ from typing import ClassVar, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
-from adaptctl.arrays import Array
+from adaptctl.control.gains.sampling_ratio import damping_matrix
 from adaptctl.control.gains.workspace import sampled_configurations
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.recursion.drive import COULOMB_SMOOTHING_SPEED
 from adaptctl.errors import InputError
 from adaptctl.scalars import Column
 from adaptctl.simulation.effects import JointEffect
@@ -273,11 +272,10 @@ def friction_rate(mechanism: Mechanism, effects: Sequence[JointEffect] = ()) -> 
     """Fastest decay rate (1/s) of a velocity by friction in 200 random configurations."""
     extra = sum((np.diag(effect.max_slope(mechanism.dof)) for effect in effects), np.zeros((mechanism.dof,) * 2))
     description = mechanism.description
-    columns = range(description.num_energy_parameters, len(description.parameter_names))
-    if not columns and not np.any(extra):
+    if description.num_energy_parameters == len(description.parameter_names) and not np.any(extra):
         return 0.0
     p = sampled_configurations(mechanism)
-    damping = extra + _slopes(mechanism, p, columns)
+    damping = extra + damping_matrix(mechanism, p, mechanism.inertial_parameters)
     try:
         return float(np.abs(np.linalg.eigvals(np.linalg.solve(mechanism.mass_matrix(p), damping))).max())
     except np.linalg.LinAlgError as error:
@@ -368,15 +366,3 @@ def _few(steps: int, mechanism: Mechanism) -> int:
         f"steps per control period, but the limit is {MAX_SPRING_SUBSTEPS}: use softer springs, or rigid "
         "joints"
     )
-
-
-def _slopes(mechanism: Mechanism, p: Array, columns: range) -> Array:
-    """Slopes (samples, r, r) of the drives' friction at rest."""
-    D, slow = mechanism.inertial_parameters[columns.start :], 1e-6 * COULOMB_SMOOTHING_SPEED
-    rest = np.zeros_like(p)
-    still = mechanism.torque_regressor(p, rest, rest, columns) @ D if columns else rest
-    slopes = np.zeros((*p.shape, mechanism.dof))
-    for j in range(mechanism.dof if columns else 0):
-        v = np.broadcast_to(slow * np.eye(mechanism.dof)[j], p.shape)
-        slopes[..., j] = (mechanism.torque_regressor(p, v, rest, columns) @ D - still) / slow
-    return slopes

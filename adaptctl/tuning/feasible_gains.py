@@ -26,6 +26,7 @@ MIN_BANDWIDTH = 1.0  # 1/s, to correct an initial error
 MAX_GRAVITY_SHARE = 0.4  # of a torque limit at the initial error, so that heavier links can still be held there
 ERROR_SHRINKAGE, SHRINKAGE_ROUNDS = 0.8, 20
 PUSH_SHARE, MAX_YIELD = 0.05, 1.0  # of a torque limit; rad (m) beyond which an arm is lost
+ROUND_OFF = 1e-9  # of an eigenvalue, more than there is
 ROTOR_DAMPING_FACTOR = 4.0  # for which a rotor's inertia is named
 
 
@@ -58,7 +59,7 @@ def feasible_gains(
 
 def achieved_sampling_ratio(mechanism: Mechanism, p: Array, damping: Array, control_period: float) -> float:
     """Greatest T lambda_max(M^-1 K) at positions (S, r), M the inertia under a held torque."""
-    return _worst(_inverse(mechanism, p, mechanism.mass_matrix(p), control_period), control_period, damping)[0]
+    return _Worst(_inverse(mechanism, p, mechanism.mass_matrix(p), control_period), control_period).of(damping)[0]
 
 
 def _inverse(mechanism: Mechanism, p: Array, M: Array, control_period: float) -> Array:
@@ -68,23 +69,34 @@ def _inverse(mechanism: Mechanism, p: Array, M: Array, control_period: float) ->
 def _largest_damping(inverse: Array, control_period: float, hold: float, affordable: Array, free: Array) -> Array:
     """Largest damping (r,): joints grow alike, and those at the limit shrink, also without the file's friction."""
     typical = np.median(1.0 / np.diagonal(inverse, axis1=1, axis2=2), axis=0)
-    inverse = np.concatenate((inverse, FREE_SHARE * free))
+    worst = _Worst(np.concatenate((inverse, FREE_SHARE * free)), control_period)
     damping = np.minimum(hold / control_period * typical, affordable)
     for k in range(SEARCH_STEPS):
-        number, shares = _worst(inverse, control_period, damping)
+        number, shares = worst.of(damping)
         if number > hold:
             damping = damping * (hold / number) ** (shares / shares.max())
         elif k < GROWTH_STEPS:
             damping = np.minimum(damping * GROWTH, affordable)
-    return damping * min(1.0, hold / _worst(inverse, control_period, damping)[0])
+    return damping * min(1.0, hold / worst.of(damping)[0])
 
 
-def _worst(inverse: Array, control_period: float, damping: Array) -> tuple[float, Array]:
-    """Greatest T lambda_max(M^-1 K), and each joint's part (r,)."""
-    root = np.sqrt(damping)
-    ratios = control_period * inverse * root[:, None] * root
-    values, vectors = np.linalg.eigh(ratios[np.linalg.eigvalsh(ratios)[:, -1].argmax()])
-    return float(values[-1]), np.asarray(vectors[:, -1] ** 2)
+class _Worst:
+    """Greatest T lambda_max(M^-1 K) of samples, without those whose bound another one exceeds."""
+
+    def __init__(self, inverse: Array, control_period: float) -> None:
+        self._inverse = control_period * inverse
+        self._bounds, self._damping = np.full(len(inverse), np.inf), np.ones(inverse.shape[-1])
+
+    def of(self, damping: Array) -> tuple[float, Array]:
+        """The number for a damping (r,), and each joint's part (r,) in it."""
+        # Each eigenvalue changes by no smaller and no larger factor than the damping does.
+        change, root, self._damping = damping / self._damping, np.sqrt(damping), damping
+        least, self._bounds = self._bounds.max() * change.min(), self._bounds * change.max()
+        likely = np.flatnonzero(self._bounds >= (1.0 - ROUND_OFF) * least)
+        ratios = self._inverse[likely] * root[:, None] * root
+        self._bounds[likely] = np.linalg.eigvalsh(ratios)[:, -1]
+        values, vectors = np.linalg.eigh(ratios[self._bounds[likely].argmax()])
+        return float(values[-1]), np.asarray(vectors[:, -1] ** 2)
 
 
 def _validate_inertia(mechanism: Mechanism, M: Array) -> None:

@@ -17,7 +17,7 @@ from adaptctl.control.gains.workspace import Workspace, Worst, everywhere, works
 from adaptctl.description.drive import DriveParameter
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import GainError, InputError, validate_kind
-from adaptctl.scalars import column
+from adaptctl.scalars import Column, column
 
 MAX_SAMPLING_RATIO = 1.5  # a held torque is stable below 2; the rest is a margin
 MIN_EIGENVALUE = 1e-12  # of a mass matrix scaled to a unit diagonal: positive beyond round-off
@@ -131,7 +131,7 @@ def _searched(
     estimate: tuple[float, ...] | None,
 ) -> SamplingRatio:
     K, L = np.array(damping), np.array(bandwidth)
-    if estimate is None and L.min() == L.max() and not np.any(_viscous(mechanism)[1]):
+    if estimate is None and L.min() == L.max() and not np.any(_viscous(mechanism)):
         # T_c M^-1 (K + M lambda) = T_c (k M^-1 (K/k) + lambda): one search for all K in proportion and all such Lambda
         unit = _of_proportion(mechanism, workspace, tuple(float(f"{x:.14g}") for x in K / K.max()))
         return unit._replace(value=control_period * (float(K.max()) * unit.value + bandwidth[0]))
@@ -176,7 +176,7 @@ def _found(
     def feedback(p: Array) -> Array:
         return _feedback(mechanism, p, masses(p), K, L, control_period, parameters)
 
-    alone = parameters is None and not np.any(L) and not np.any(_viscous(mechanism)[1])
+    alone = parameters is None and not np.any(L) and not np.any(_viscous(mechanism))
     worst = workspace.maximum(lambda p: _of_damping(masses(p), K, control_period) if alone else _ratios_of(feedback(p)))
     if np.isinf(worst.value):
         return SamplingRatio(np.inf, worst.p, mechanism.primary_joints[_lightest_joint(mechanism, worst.p)].name)
@@ -238,27 +238,31 @@ def _ratios_of(feedback: Array) -> Array:
 
 def sampled_inertia(mechanism: Mechanism, p: Array, M: Array, control_period: float) -> Array:
     """Inertia (..., r, r) under a held torque."""
-    columns, D = _viscous(mechanism)
+    D = _viscous(mechanism)
     if not np.any(D):
         return M
-    each = (mechanism.dof, *p.shape)
-    units = np.broadcast_to(np.eye(mechanism.dof).reshape(-1, *(1,) * (p.ndim - 1), mechanism.dof), each)
-    rows = mechanism.torque_regressor(np.broadcast_to(p, each), units, np.zeros(each), columns) @ D
+    braking = damping_matrix(mechanism, p, D)
     values, vectors = np.linalg.eigh(M)
     root = (vectors * np.sqrt(values)[..., None, :]) @ np.swapaxes(vectors, -1, -2)
     inverse = (vectors / np.sqrt(values)[..., None, :]) @ np.swapaxes(vectors, -1, -2)
-    halves, modes = np.linalg.eigh(0.5 * control_period * inverse @ np.moveaxis(rows, 0, -1) @ inverse)
+    halves, modes = np.linalg.eigh(0.5 * control_period * inverse @ braking @ inverse)
     shares = np.where(halves > 1e-6, halves / np.tanh(np.maximum(halves, 1e-6)), 1.0)
     side = root @ modes
     return np.asarray((side * shares[..., None, :]) @ np.swapaxes(side, -1, -2))
 
 
 @lru_cache(maxsize=8)
-def _viscous(mechanism: Mechanism) -> tuple[tuple[int, ...], Array]:
-    """Indices and values of viscous friction."""
-    names = mechanism.parameter_names
-    columns = tuple(j for j, name in enumerate(names) if name.endswith(f".{DriveParameter.VISCOUS.value}"))
-    return columns, frozen(mechanism.inertial_parameters[list(columns)])
+def _viscous(mechanism: Mechanism) -> Array:
+    """Parameters (P,), zero but those of viscous friction."""
+    ending = f".{DriveParameter.VISCOUS.value}"
+    return frozen(mechanism.inertial_parameters * [name.endswith(ending) for name in mechanism.parameter_names])
+
+
+def damping_matrix(mechanism: Mechanism, p: Array, parameters: Array) -> Array:
+    """Friction of parameters (P,) over velocity (..., r, r), near rest."""
+    q = column(mechanism.configuration(p))
+    rows = mechanism.equations.damping(q, Column.zeros(mechanism.dof), column(parameters))
+    return stacked_rows(rows, p.shape[:-1])
 
 
 def mass_matrix_of(mechanism: Mechanism, p: Array, parameters: Array) -> Array:
@@ -337,7 +341,7 @@ def validate_sampling_ratio(
     found = sampling_ratio(mechanism, K, control_period, L, workspace=workspace)
     if not found.value <= MAX_SAMPLING_RATIO:
         _refuse(mechanism, found, control_period, float(np.max(L)))
-    if not np.any(_viscous(mechanism)[1]):  # what it adds to M is not proved to leave the order as it is
+    if not np.any(_viscous(mechanism)):  # what it adds to M is not proved to leave the order as it is
         accepted.append((K, L))
 
 
