@@ -21,13 +21,21 @@ from adaptctl.identifiability.energy_matrix import (
     energy_differences,
     torque_rows,
 )
-from adaptctl.identifiability.factorisation import singular_values
+from adaptctl.identifiability.factorisation import singular_values, triangle_by_joint
 from adaptctl.identifiability.sampling import random_halves
 
 
 @pytest.fixture(scope="module")
 def puma() -> Mechanism:
     return load("puma560_measured")
+
+
+@pytest.mark.parametrize("samples", [1, 5, 50])
+def test_the_triangle_by_joint_has_the_squares_of_all_rows(samples: int) -> None:
+    rows = np.random.default_rng(0).normal(size=(samples, 3, 9)) * np.kron(np.triu(np.ones((3, 3))), np.ones(3))
+    R, rows = triangle_by_joint(rows), rows.reshape(-1, 9)
+    assert R.shape == (min(9, 3 * samples), 9)
+    np.testing.assert_allclose(R.T @ R, rows.T @ rows, atol=1e-12 * samples)
 
 
 @settings(max_examples=15, deadline=None)

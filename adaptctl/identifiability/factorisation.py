@@ -25,6 +25,17 @@ def triangle(matrix: Array) -> Array:
         return np.asarray(np.linalg.qr(matrix, mode="r"), dtype=np.float64)
 
 
+def triangle_by_joint(regressor: Array) -> Array:
+    """Triangular factor (k, k), or fewer rows, of all rows of a regressor (T, r, k), each without its joint's zeros."""
+    parts = []
+    for rows in np.moveaxis(regressor, 1, 0):
+        own = rows.any(axis=0)
+        factor = triangle(rows[:, own])
+        parts.append(np.zeros((len(factor), len(own))))
+        parts[-1][:, own] = factor
+    return triangle(np.concatenate(parts))
+
+
 def singular_values(matrix: Array) -> Array:
     """Singular values (n,) of a matrix (m, n), descending, zeros at the end if m is below n."""
     with one_thread():

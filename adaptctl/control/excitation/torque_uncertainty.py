@@ -11,6 +11,7 @@ from adaptctl.control.gains.workspace import everywhere
 from adaptctl.control.lyapunov import SampledRun
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
+from adaptctl.identifiability.factorisation import triangle_by_joint
 
 TORQUE_ERROR_SHARE, CORRELATION_TIME = 3e-3, 1.0
 """Error of torques over their limits, about what a drive's current loop keeps, and time in s that it stays the same."""
@@ -77,7 +78,7 @@ def torque_uncertainty(model: ReducedModel, run: SampledRun, torque_limits: Arra
         return np.full(len(model.columns), np.inf)
     shares = model.slotine_li_regressor(*(array[finite] for array in chosen))
     shares *= np.sqrt(every * run.sample_time / CORRELATION_TIME) / TORQUE_ERROR_SHARE / limits[:, None]
-    rows = shares.reshape(-1, shares.shape[-1])
+    rows = triangle_by_joint(shares)
     elsewhere = _shares_elsewhere(model, run, limits)
     felt = elsewhere > 0.0
     found = np.zeros(len(elsewhere))
