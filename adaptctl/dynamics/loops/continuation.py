@@ -16,7 +16,7 @@ from adaptctl.compilation import Kernel, Stepper, compile_function, compile_step
 from adaptctl.dynamics.loop_equations import LoopEquations
 from adaptctl.dynamics.loops.posture import factored
 from adaptctl.errors import InputError, SingularityError
-from adaptctl.scalars import Column, Scalar, absolute, maximum, where
+from adaptctl.scalars import Column, Scalar, absolute, column, maximum, where
 
 MAX_PRIMARY_STEP = 0.05
 """rad or m per step of any primary joint that moves a loop"""
@@ -48,6 +48,8 @@ class Continuation:
         samples = p.shape[:-1]
         if start is not None and same_samples(p=p, start=start) != samples:
             raise InputError(f"start: expected one configuration or one for each of {samples}, got {start.shape[:-1]}")
+        if self._linear is not None:
+            return p @ self._linear[0] + self._linear[1]
         q = np.broadcast_to(self.reference if start is None else start, (*samples, len(self.reference)))
         q, p = q.reshape(-1, q.shape[-1]).copy(), p.reshape(-1, p.shape[-1])
         begin = q[:, self.primary]
@@ -63,7 +65,13 @@ class Continuation:
 
     def follow_alone(self, p: object) -> Array | None:
         """Closed configuration (n,) of one sample by native code, or None."""
-        if not self._ways.ready or type(p) is not np.ndarray or p.shape != self._start.shape or p.dtype != np.float64:
+        if (
+            self._linear is not None
+            or not self._ways.ready
+            or type(p) is not np.ndarray
+            or p.shape != self._start.shape
+            or p.dtype != np.float64
+        ):
             return None
         start: list[float] = self._start.tolist()
         way = [x - x0 for x, x0 in zip(p.tolist(), start, strict=True)]
@@ -78,6 +86,8 @@ class Continuation:
 
     def progress(self, p: Array, least: float = MIN_REGULARITY) -> Array:
         """Fractions (N,) of straight lines that are regular."""
+        if self._linear is not None:
+            return np.ones(len(p))
         q = np.tile(self.reference, (len(p), 1))
         fine, gone = np.ones(len(p), dtype=bool), np.zeros(len(p))
         way = p - self._start
@@ -192,6 +202,15 @@ class Continuation:
     @cached_property
     def _at_reference(self) -> tuple[Array, Array, Array]:
         return self._look(self.reference)
+
+    @cached_property
+    def _linear(self) -> tuple[Array, Array] | None:
+        """Rates (r, n) and offsets (n,) where joints are only coupled, which is regular everywhere; else None."""
+        if self.equations.closing.loops:
+            return None
+        q, units = column(self.reference), np.eye(len(self.primary))
+        rates = [list(self.equations.joint_velocities(q, column(unit))) for unit in units]
+        return np.array(rates), np.array(list(self.equations.closed(column(0.0 * units[0]), q)))
 
     @cached_property
     def _start(self) -> Array:
