@@ -7,28 +7,35 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from adaptctl.dynamics.equations import Equations
-from adaptctl.dynamics.motion import Motion
+from adaptctl.dynamics.motion import Motion, Torques
 from adaptctl.dynamics.recursion.segment import Segment
 from adaptctl.scalars import Column, Scalar
 
 
-class ConstrainedMotion(Motion):
-    """Motion with regressors in the free parameters."""
+class ConstrainedTorques:
+    """Torques with regressors in the free parameters."""
 
     __slots__ = ("equations", "whole")
 
-    def __init__(self, equations: ConstrainedEquations, whole: Motion) -> None:
+    def __init__(self, equations: ConstrainedEquations, whole: Torques) -> None:
         self.equations, self.whole = equations, whole
 
     def torque(self, parameters: Column) -> Column:
-        """Torque (r,) under the reference motion."""
+        """Torque (r,) of free parameters (Z,)."""
         return self.whole.torque(self.equations.expanded(parameters))
 
     def regressor(self, columns: Sequence[int]) -> list[Column]:
-        """Slotine-Li regressor (r, k), as r rows."""
+        """Regressor (r, k), as r rows."""
         needed = self.equations.needed(columns)
         rows = self.whole.regressor(needed)
         return [self.equations.combined(dict(zip(needed, row, strict=True)), columns) for row in rows]
+
+
+class ConstrainedMotion(ConstrainedTorques, Motion):
+    """Motion with regressors in the free parameters."""
+
+    __slots__ = ()
+    whole: Motion
 
     def regressor_transpose_product(self, s: Column, columns: Sequence[int]) -> Column:
         """Regressor's transpose times joint rates, Y' s (k,) in W per unit of each parameter."""
@@ -99,6 +106,11 @@ class ConstrainedEquations(Equations):
     def motion(self, q: Column, v: Column, v_r: Column, a_r: Column, v_f: Column | None = None) -> ConstrainedMotion:
         """Motion at one instant."""
         return ConstrainedMotion(self, self.whole.motion(q, v, v_r, a_r, v_f))
+
+    def momenta(self, q: Column, v: Column, v_f: Column | None = None) -> tuple[ConstrainedTorques, ConstrainedTorques]:
+        """Momenta M v, and the forces that change them besides the joints' torques."""
+        momentum, forces = self.whole.momenta(q, v, v_f)
+        return ConstrainedTorques(self, momentum), ConstrainedTorques(self, forces)
 
     def restored_motion(self, numbers: Column) -> ConstrainedMotion:
         """Motion rebuilt from its `numbers`."""

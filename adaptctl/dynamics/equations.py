@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 
 from adaptctl.caching import cached_property
-from adaptctl.dynamics.motion import Motion, MotionMemory
+from adaptctl.dynamics.motion import Motion, MotionMemory, Torques
 from adaptctl.dynamics.recursion.mass_matrix import factorised
 from adaptctl.dynamics.recursion.segment import Segment
 from adaptctl.scalars import Column, Scalar
@@ -196,6 +196,34 @@ class Equations(ABC):
         >>> motion = arm.equations.motion(column(p), column(v), column(v), column([1.0, 2.0]))
         >>> torque = motion.torque(column(arm.inertial_parameters))
         >>> bool(np.allclose(list(torque), arm.inverse_dynamics(p, v, [1.0, 2.0])))
+        True
+        """
+
+    @abstractmethod
+    def momenta(self, q: Column, v: Column, v_f: Column | None = None) -> tuple[Torques, Torques]:
+        """
+        Compute the momenta and the forces of Lagrange's equations, which need no accelerations.
+
+        Parameters
+        ----------
+        q : Column
+            Positions (n,) of the tree's joints in rad (m if prismatic), which satisfy the loop closures.
+        v : Column
+            Velocities (r,) of the primary joints in rad/s (m/s if prismatic).
+        v_f : Column, optional
+            Velocities (r,) at which friction acts. Default: v.
+
+        Returns
+        -------
+        tuple of Torques
+            Momenta M v (r,) in N m s (N s if prismatic), and forces (r,) in N m (N): the Lagrangian's derivatives by
+            the primary positions less friction. Momenta change by these forces and the joints' torques.
+
+        Examples
+        --------
+        >>> from adaptctl.scalars import column
+        >>> momentum, forces = arm.equations.momenta(column(p), column(v))
+        >>> bool(np.allclose(list(momentum.torque(column(arm.inertial_parameters))), arm.mass_matrix(p) @ v))
         True
         """
 

@@ -12,7 +12,7 @@ from adaptctl.dynamics.equations import ClosedPositions, Equations
 from adaptctl.dynamics.loops.constraint import Closing
 from adaptctl.dynamics.loops.dyad import Rule
 from adaptctl.dynamics.loops.posture import Following, Posture, factored
-from adaptctl.dynamics.motion import Motion
+from adaptctl.dynamics.motion import Motion, Torques
 from adaptctl.dynamics.recursion.mass_matrix import factorised
 from adaptctl.dynamics.recursion.segment import Placement, Segment, placements
 from adaptctl.dynamics.tree_equations import TreeEquations, TreeMotion
@@ -48,6 +48,30 @@ class LoopMotion(Motion):
     def numbers(self) -> Column:
         """Scalars from which `restored_motion` rebuilds this motion."""
         return Column((*(x for slope in self.following.slopes for x in slope), *self.tree.numbers))
+
+
+class LoopForces:
+    """Derivatives of the Lagrangian of a mechanism with loops by its primary positions, less friction."""
+
+    __slots__ = ("_bends", "_following", "_momentum", "_tree")
+
+    def __init__(self, following: Following, tree: Torques, momentum: Torques, bends: Sequence[Column]) -> None:
+        self._following, self._tree, self._momentum, self._bends = following, tree, momentum, bends
+
+    def torque(self, parameters: Column) -> Column:
+        """Torque (r,) of parameters (P,)."""
+        return self._primary(self._tree.torque(parameters), self._momentum.torque(parameters))
+
+    def regressor(self, columns: Sequence[int]) -> list[Column]:
+        """Regressor (r, k), as r rows."""
+        rows, momenta = self._tree.regressor(columns), self._momentum.regressor(columns)
+        pairs = (([row[k] for row in rows], Column(row[k] for row in momenta)) for k in range(len(columns)))
+        by_column = [self._primary(*pair) for pair in pairs]
+        return [Column(column[i] for column in by_column) for i in range(len(self._bends))]
+
+    def _primary(self, forces: Sequence[Any] | Column, momentum: Column) -> Column:
+        """Forces (r,) of the tree's (n,), and of how its velocities change with the primary positions."""
+        return self._following.primary(forces) + Column(bend @ momentum for bend in self._bends)
 
 
 @dataclass(frozen=True)
@@ -138,6 +162,14 @@ class LoopEquations(Equations):
     def motion(self, q: Column, v: Column, v_r: Column, a_r: Column, v_f: Column | None = None) -> LoopMotion:
         """Motion at one instant."""
         return self._motion(self.posture(q), q, v, v_r, a_r, v_f)
+
+    def momenta(self, q: Column, v: Column, v_f: Column | None = None) -> tuple[LoopMotion, LoopForces]:
+        """Momenta M v, and the forces that change them besides the joints' torques."""
+        posture = self.posture(q)
+        u, rubbing = posture.tree(v), None if v_f is None else posture.tree(v_f)
+        momentum, forces = self.tree.momenta(q, u, rubbing)
+        bends = [posture.bias(u, way) for way in self._ways(posture)]
+        return LoopMotion(posture, momentum), LoopForces(posture, forces, momentum, bends)
 
     def restored_motion(self, numbers: Column) -> LoopMotion:
         """Motion rebuilt from its `numbers`."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from adaptctl.compilation import trace
 from adaptctl.scalars import Column
@@ -36,6 +36,16 @@ class MotionMemory(NamedTuple):
     def numbers(self, remembered: Column) -> Column:
         """All numbers (m,) from the stored ones."""
         return Column(x if isinstance(x, float) else remembered[x] for x in self.sources)
+
+
+class Torques(Protocol):
+    """Torques that are linear in the parameters; their methods are as those of `Motion`."""
+
+    def torque(self, parameters: Column) -> Column:
+        """Torque (r,) of parameters (P,)."""
+
+    def regressor(self, columns: Sequence[int]) -> list[Column]:
+        """Regressor (r, k), as r rows."""
 
 
 class Motion(ABC):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -17,19 +18,71 @@ from adaptctl.dynamics.recursion.articulated_bodies import accelerations
 from adaptctl.dynamics.recursion.drive import DriveTerm
 from adaptctl.dynamics.recursion.frame_choice import FrameChoice
 from adaptctl.dynamics.recursion.mass_matrix import mass_matrix
-from adaptctl.dynamics.recursion.motion import LinkMotion, motions
-from adaptctl.dynamics.recursion.newton_euler import joint_torques, powers, torque_regressor
+from adaptctl.dynamics.recursion.motion import (
+    ZERO_PRODUCTS,
+    LinkMotion,
+    Twist,
+    bracket,
+    momenta,
+    motions,
+    moved,
+    twists,
+)
+from adaptctl.dynamics.recursion.newton_euler import (
+    joint_power,
+    joint_torques,
+    powers,
+    powers_by_joint,
+    subtree_loads,
+    torque_regressor,
+)
 from adaptctl.dynamics.recursion.segment import Placement, Segment, segments
-from adaptctl.scalars import ZERO, Column, Scalar, Vec
+from adaptctl.scalars import ZERO, Column, Scalar, Vec, dot
 
 MIN_ARTICULATED_DEPTH = 6.5
 """Mean number of joints between link and ground from which articulated bodies are faster, as in a chain of 12."""
 
 
-class TreeMotion(Motion):
+class TreeTorques(ABC):
+    """Torques of a tree that are linear in the parameters, those of the drives among them."""
+
+    __slots__ = ("drives", "layout", "places")
+
+    def __init__(self, layout: ParameterLayout, places: Sequence[Placement], drives: Sequence[Scalar]) -> None:
+        self.layout, self.places, self.drives = layout, places, drives
+
+    @abstractmethod
+    def torques_of_links(self, tens: Column) -> Column:
+        """Torques (n,) of ten parameters of each link."""
+
+    @abstractmethod
+    def regressor_of_links(self, columns: Sequence[int]) -> list[Column]:
+        """Regressor (n, k) of links' parameters, by rows."""
+
+    def torque(self, parameters: Column) -> Column:
+        """Torque (r,) of parameters (P,)."""
+        total = list(self.torques_of_links(self.layout.tens(parameters)))
+        shares = zip(self.layout.drives, self.drives, self.layout.of_drives(parameters), strict=True)
+        for term, share, value in shares:
+            for joint, part in term.on_joints(value * share):
+                total[joint] = total[joint] + part
+        return Column(total)
+
+    def regressor(self, columns: Sequence[int]) -> list[Column]:
+        """Regressor (r, k), as r rows."""
+        of_bodies, of_drives = self.layout.sorted_out(columns)
+        rows = self.regressor_of_links(list(of_bodies.values()))
+        by_column = [dict(zip(of_bodies, row, strict=True)) for row in rows]
+        for column, k in of_drives.items():
+            for joint, share in self.layout.drives[k].on_joints(self.drives[k]):
+                by_column[joint][column] = share
+        return [Column(row.get(column, 0.0) for column in columns) for row in by_column]
+
+
+class TreeMotion(TreeTorques, Motion):
     """Motion of a tree at one instant."""
 
-    __slots__ = ("drives", "layout", "links", "places")
+    __slots__ = ("links",)
 
     def __init__(
         self,
@@ -38,26 +91,16 @@ class TreeMotion(Motion):
         links: Sequence[LinkMotion],
         drives: Sequence[Scalar],
     ) -> None:
-        self.layout, self.places, self.links, self.drives = layout, places, links, drives
+        super().__init__(layout, places, drives)
+        self.links = links
 
-    def torque(self, parameters: Column) -> Column:
-        """Torque (r,) under the reference motion."""
-        total = list(joint_torques(self.places, self.links, self.layout.tens(parameters)))
-        shares = zip(self.layout.drives, self.drives, self.layout.of_drives(parameters), strict=True)
-        for term, share, value in shares:
-            for joint, part in term.on_joints(value * share):
-                total[joint] = total[joint] + part
-        return Column(total)
+    def torques_of_links(self, tens: Column) -> Column:
+        """Torques (n,) of ten parameters of each link."""
+        return joint_torques(self.places, self.links, tens)
 
-    def regressor(self, columns: Sequence[int]) -> list[Column]:
-        """Slotine-Li regressor (r, k), as r rows."""
-        of_bodies, of_drives = self.layout.sorted_out(columns)
-        rows = torque_regressor(self.places, self.links, list(of_bodies.values()))
-        by_column = [dict(zip(of_bodies, row, strict=True)) for row in rows]
-        for column, k in of_drives.items():
-            for joint, share in self.layout.drives[k].on_joints(self.drives[k]):
-                by_column[joint][column] = share
-        return [Column(row.get(column, 0.0) for column in columns) for row in by_column]
+    def regressor_of_links(self, columns: Sequence[int]) -> list[Column]:
+        """Regressor (n, k) of links' parameters, by rows."""
+        return torque_regressor(self.places, self.links, columns)
 
     def regressor_transpose_product(self, s: Column, columns: Sequence[int]) -> Column:
         """Regressor's transpose times joint rates, Y' s (k,) in W per unit of each parameter."""
@@ -71,6 +114,43 @@ class TreeMotion(Motion):
         """Scalars from which `restored_motion` rebuilds this motion."""
         placed = (x for place in self.places for x in place.coordinates)
         return Column((*placed, *(x for link in self.links for x in link.numbers), *self.drives))
+
+
+class TreeForces(TreeTorques):
+    """Derivatives of a tree's Lagrangian by its positions, less friction."""
+
+    __slots__ = ("_falls", "_momenta", "_moving")
+
+    def __init__(
+        self,
+        layout: ParameterLayout,
+        places: Sequence[Placement],
+        drives: Sequence[Scalar],
+        moving: Sequence[Twist],
+        gravity: Vec,
+    ) -> None:
+        super().__init__(layout, places, drives)
+        self._moving, self._momenta = moving, momenta(moving)
+        self._falls = [LinkMotion(ZERO_PRODUCTS, ZERO, weight.gravity) for weight in energy.weights(places, gravity)]
+
+    def torques_of_links(self, tens: Column) -> Column:
+        """Torques (n,) of ten parameters of each link."""
+        torques: list[Scalar] = [0.0] * len(self.places)
+        loads = (subtree_loads(self.places, each, tens) for each in (self._momenta, self._falls))
+        for (i, momentum), (_, weight) in zip(*loads, strict=True):
+            turned = self._turned(i)
+            change = dot(momentum.force, turned.v) + dot(momentum.moment, turned.w)
+            torques[i] = change + joint_power(self.places[i], weight)
+        return Column(torques)
+
+    def regressor_of_links(self, columns: Sequence[int]) -> list[Column]:
+        """Regressor (n, k) of links' parameters, by rows."""
+        moving, falling = (self._momenta, self._turned), (self._falls, lambda i: moved(self.places[i], 1.0))
+        return powers_by_joint(self.places, [moving, falling], columns)
+
+    def _turned(self, i: int) -> Twist:
+        """Derivative of link i's twist by its joint's position."""
+        return bracket(self._moving[i], moved(self.places[i], 1.0))
 
 
 @dataclass(frozen=True)
@@ -139,6 +219,15 @@ class TreeEquations(Equations):
         places = self._placements(p)
         drives = [term.torque(p, v_r if v_f is None else v_f, a_r) for term in self.layout.drives]
         return TreeMotion(self.layout, places, motions(places, v, v_r, a_r, self.gravity), drives)
+
+    def momenta(self, q: Column, v: Column, v_f: Column | None = None) -> tuple[TreeMotion, TreeForces]:
+        """Momenta M v, and the forces that change them besides the joints' torques."""
+        places, still = self._placements(q), Column.zeros(self.dof)
+        moving = twists(places, v)
+        rotors = [term.speed(v) if term.kind.is_rotor else 0.0 for term in self.layout.drives]
+        braking = [0.0 - term.torque(q, v if v_f is None else v_f, still) for term in self.layout.drives]
+        forces = TreeForces(self.layout, places, braking, moving, self.gravity)
+        return TreeMotion(self.layout, places, momenta(moving), rotors), forces
 
     def restored_motion(self, numbers: Column) -> TreeMotion:
         """Motion rebuilt from its `numbers`."""

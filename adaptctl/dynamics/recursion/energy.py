@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 from adaptctl.dynamics.equations import Equations
-from adaptctl.dynamics.motion import Motion
 from adaptctl.dynamics.recursion.motion import GROUND, Twist, twists
 from adaptctl.dynamics.recursion.segment import Placement, Segment, placements
 from adaptctl.errors import InputError
-from adaptctl.scalars import ZERO, Column, Dual, Scalar, Vec, cross, dot
+from adaptctl.scalars import ZERO, Column, Scalar, Vec, cross, dot
 
 
 class Weight:
@@ -76,35 +75,16 @@ def momentum_terms(
     equations: Equations, q: Column, v: Column, columns: Sequence[int], v_f: Column | None = None
 ) -> MomentumTerms:
     """Regressors of the momenta M v and their forces, friction at v_f among them, or at v."""
-    return _momentum_terms(equations, q, v, lambda motion: motion.regressor(columns), v_f)
+    _validate_linear(equations)
+    return MomentumTerms(*(part.regressor(columns) for part in equations.momenta(q, v, v_f)))
 
 
 def known_momentum_terms(equations: Equations, q: Column, v: Column, parameters: Column) -> MomentumTerms:
     """Momenta and forces of known parameters, in place of their regressors: a column of one entry a joint."""
-    return _momentum_terms(equations, q, v, lambda motion: [Column((x,)) for x in motion.torque(parameters)])
+    _validate_linear(equations)
+    return MomentumTerms(*([Column((x,)) for x in part.torque(parameters)] for part in equations.momenta(q, v)))
 
 
-def _momentum_terms(
-    equations: Equations,
-    q: Column,
-    v: Column,
-    rows_of: Callable[[Motion], list[Column]],
-    v_f: Column | None = None,
-) -> MomentumTerms:
+def _validate_linear(equations: Equations) -> None:
     if equations.has_constraint_bias:
         raise InputError("prediction of filtered torques needs constraints that set parameters to zero")
-    still = Column.zeros(equations.dof)
-    moving = Column(map(Dual, q, equations.joint_velocities(q, v)))
-    rows = rows_of(equations.without_gravity().motion(moving, still, still, v))
-    momentum = [Column(_value(x) for x in row) for row in rows]
-    change = [Column(_slope(x) for x in row) for row in rows]
-    bias = rows_of(equations.motion(q, v, v, still, v_f))
-    return MomentumTerms(momentum, [c - b for c, b in zip(change, bias, strict=True)])
-
-
-def _value(x: Any) -> Any:
-    return x.value if isinstance(x, Dual) else x
-
-
-def _slope(x: Any) -> Any:
-    return x.slope if isinstance(x, Dual) else 0.0

@@ -50,6 +50,11 @@ def twists(places: Sequence[Placement], rate: Column) -> list[Twist]:
     return out
 
 
+def bracket(one: Twist, other: Twist) -> Twist:
+    """Lie bracket of two twists of a link."""
+    return Twist(cross(one.w, other.w), cross(one.w, other.v) + cross(one.v, other.w))
+
+
 class Products(NamedTuple):
     """Symmetric products (w_i r_j + w_j r_i)/2 of angular velocities."""
 
@@ -120,6 +125,11 @@ def motions(places: Sequence[Placement], v: Column, v_r: Column, a_r: Column, gr
         link.acc = link.acc + link.lever @ place.shift
         out.append(link)
     return out
+
+
+def momenta(moving: Sequence[Twist]) -> list[LinkMotion]:
+    """Motions whose wrenches are the links' momenta."""
+    return [LinkMotion(ZERO_PRODUCTS, twist.w, twist.v) for twist in moving]
 
 
 def angular_velocities(places: Sequence[Placement], rate: Column) -> list[Vec]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import reduce
+from operator import add
 
 from adaptctl.dynamics.recursion.frame_choice import held_parameters, per_own_parameter
 from adaptctl.dynamics.recursion.motion import GROUND, LinkMotion, Twist, carried, moved, twists
@@ -57,16 +59,23 @@ def power(motion: LinkMotion, twist: Twist, keep: Sequence[int]) -> list[Scalar]
 
 def joint_torques(places: Sequence[Placement], moving: Sequence[LinkMotion], parameters: Column) -> Column:
     """Joint torques (n,) by the backward recursion."""
+    torques: list[Scalar] = [0.0] * len(places)
+    for i, load in subtree_loads(places, moving, parameters):
+        torques[i] = joint_power(places[i], load)
+    return Column(torques)
+
+
+def subtree_loads(
+    places: Sequence[Placement], moving: Sequence[LinkMotion], parameters: Column
+) -> Iterator[tuple[int, Wrench]]:
+    """Each link, from the last one, and the wrench on it with all that it carries."""
     tens = (parameters.of[10 * i : 10 * i + 10] for i in range(len(places)))
     held = map(held_parameters, places, tens)
     loads = [wrench(motion, ten) for motion, ten in zip(moving, held, strict=True)]
-    torques: list[Scalar] = [0.0] * len(places)
     for i in reversed(range(len(places))):
-        place = places[i]
-        torques[i] = joint_power(place, loads[i])
-        if place.segment.parent != GROUND:
-            loads[place.segment.parent] += lifted(place, loads[i])
-    return Column(torques)
+        yield i, loads[i]
+        if places[i].segment.parent != GROUND:
+            loads[places[i].segment.parent] += lifted(places[i], loads[i])
 
 
 def joint_power(place: Placement, load: Wrench) -> Scalar:
@@ -86,22 +95,31 @@ def lifted(place: Placement, load: Wrench) -> Wrench:
 
 def torque_regressor(places: Sequence[Placement], moving: Sequence[LinkMotion], columns: Sequence[int]) -> list[Column]:
     """Torque regressor (n, k) of a tree, by rows."""
+    return powers_by_joint(places, [(moving, lambda i: moved(places[i], 1.0))], columns)
+
+
+def powers_by_joint(
+    places: Sequence[Placement],
+    pairs: Sequence[tuple[Sequence[LinkMotion], Callable[[int], Twist]]],
+    columns: Sequence[int],
+) -> list[Column]:
+    """Powers (n, k) of links' motions on twists that each joint gives its link, the sum of all pairs, by rows."""
     kept = kept_by_link(columns, len(places))
     rows: list[dict[int, Scalar]] = [{} for _ in places]
-    joints: list[dict[int, Twist]] = []
+    done: list[list[dict[int, Twist]]] = [[] for _ in pairs]
     for i, place in enumerate(places):
-        joints.append(joint_twists(place, i, joints))
-        for j, twist in joints[i].items():
-            found = _kept_powers(place, moving[i], twist, kept[i])
-            rows[j] |= {10 * i + k: y for k, y in zip(kept[i], found, strict=True)}
+        for (_, first), twists_of in zip(pairs, done, strict=True):
+            twists_of.append(joint_twists(place, i, twists_of) | {i: first(i)})
+        for j in done[0][i]:
+            given = [(moving[i], twists_of[i][j]) for (moving, _), twists_of in zip(pairs, done, strict=True)]
+            rows[j] |= {10 * i + k: y for k, y in zip(kept[i], _kept_powers(place, given, kept[i]), strict=True)}
     return [Column(row.get(column, 0.0) for column in columns) for row in rows]
 
 
 def joint_twists(place: Placement, i: int, done: Sequence[dict[int, Twist]]) -> dict[int, Twist]:
-    """Twists of link `i` under unit joint velocities."""
+    """Twists of link `i` that those of the joints before it carry along."""
     parent = place.segment.parent
-    above = done[parent] if parent != GROUND else {}
-    return {j: carried(place, twist) for j, twist in above.items()} | {i: moved(place, 1.0)}
+    return {j: carried(place, twist) for j, twist in done[parent].items()} if parent != GROUND else {}
 
 
 def kept_by_link(columns: Sequence[int], links: int) -> list[list[int]]:
@@ -115,13 +133,16 @@ def kept_by_link(columns: Sequence[int], links: int) -> list[list[int]]:
 def powers(places: Sequence[Placement], moving: Sequence[LinkMotion], s: Column, columns: Sequence[int]) -> Column:
     """Regressor's transpose times joint rates, Y' s (k,) in W per unit of k inertial parameters."""
     kept = kept_by_link(columns, len(places))
-    of_links = map(_kept_powers, places, moving, twists(places, s), kept)
+    moved_by = zip(moving, twists(places, s), strict=True)
+    of_links = (_kept_powers(place, [pair], keep) for place, pair, keep in zip(places, moved_by, kept, strict=True))
     found = [dict(zip(keep, powers, strict=True)) for keep, powers in zip(kept, of_links, strict=True)]
     return Column(found[column // 10][column % 10] for column in columns)
 
 
-def _kept_powers(place: Placement, motion: LinkMotion, twist: Twist, keep: Sequence[int]) -> Sequence[Scalar]:
+def _kept_powers(place: Placement, pairs: Sequence[tuple[LinkMotion, Twist]], keep: Sequence[int]) -> Sequence[Scalar]:
+    needed = keep if place.turn is None or not keep else range(10)
+    total = [reduce(add, x) for x in zip(*(power(*pair, needed) for pair in pairs), strict=True)]
     if place.turn is None or not keep:
-        return power(motion, twist, keep)
-    own = per_own_parameter(place.turn, power(motion, twist, range(10)))
+        return total
+    own = per_own_parameter(place.turn, total)
     return [own[k] for k in keep]
