@@ -13,7 +13,7 @@ import pytest
 from adaptctl.arrays import Array
 from adaptctl.description import JointKind
 from adaptctl.errors import InputError
-from adaptctl.identification.choice import _near, _Selection, _tried, cutoffs_for, judged_at, predicted_error
+from adaptctl.identification.choice import _near, _Selection, _tried, cutoffs_for, judged_at, predicted_squares
 from adaptctl.identification.contradictions import forced
 from adaptctl.identification.energy_differences import _integral
 from adaptctl.identification.fit import FitSettings
@@ -131,14 +131,23 @@ def test_cutoffs_are_of_the_band_and_at_most_a_tenth_of_the_rate(
     assert judged_at(evidence) == max((c for c in expected if c <= 25.0), default=min(expected))
 
 
-def test_a_later_setting_is_taken_where_it_is_better_by_a_share(monkeypatch: pytest.MonkeyPatch) -> None:
-    tried = [replace(SETTINGS, weight=float(k)) for k in range(1, 5)]
+def search_over(monkeypatch: pytest.MonkeyPatch, squares: list[Any]) -> tuple[_Selection, list[FitSettings]]:
+    """Search, and its candidates, of weights 1, 2 ..., with squared errors the means over five groups."""
+    each = [np.broadcast_to(own, 5) / 5.0 for own in squares]
+    monkeypatch.setattr(choice, "predicted_squares", lambda _, settings: each[int(settings.weight) - 1])
+    tried = [replace(SETTINGS, weight=k + 1.0) for k in range(len(each))]
+    return _Selection(None, []), tried  # type: ignore[arg-type]
 
+
+def word(settings: FitSettings) -> str:
+    return f"{settings.weight:g}"
+
+
+def test_a_later_setting_is_taken_where_it_is_better_by_a_share(monkeypatch: pytest.MonkeyPatch) -> None:
     def best(scores: list[float], share: float = 0.01) -> float:
-        monkeypatch.setattr(choice, "predicted_error", lambda _, settings: scores[int(settings.weight) - 1])
-        search = _Selection(None, [])  # type: ignore[arg-type]
-        found = search.best(tried, "weight", lambda settings: f"{settings.weight:g}", share)
-        assert [trial.relative_error for trial in search.trials] == scores
+        search, tried = search_over(monkeypatch, [score**2 for score in scores])
+        found = search.best(tried, "weight", word, share)
+        np.testing.assert_allclose([trial.relative_error for trial in search.trials], scores)
         assert [trial.candidate for trial in search.trials if trial.taken] == [f"{found.weight:g}"]
         return found.weight
 
@@ -148,6 +157,44 @@ def test_a_later_setting_is_taken_where_it_is_better_by_a_share(monkeypatch: pyt
     assert best([1.0, 0.98, 0.975, 0.972]) == 2.0
     assert best([np.inf, 1.0, np.inf, 0.995]) == 2.0
     assert best([1.0, 0.996, 0.9955, 0.9], 0.003) == 4.0
+
+
+# Less by 0.2 on average, with a standard error of the mean over the five groups of 0.19 and 0.21.
+SURE, UNSURE = (0.8 - error * np.sqrt(2.0) * np.arange(-2.0, 3.0) for error in (0.19, 0.21))
+
+
+def test_a_richer_setting_is_better_by_a_standard_error_over_groups(monkeypatch: pytest.MonkeyPatch) -> None:
+    search, tried = search_over(monkeypatch, [np.ones(5), UNSURE, SURE])
+    assert [search.best(tried[:2], "", word).weight, search.best([tried[0], tried[2]], "", word).weight] == [1.0, 3.0]
+    assert search.best(tried[:2], "", word, clear=0.0).weight == 2.0
+
+
+def test_the_last_setting_is_at_most_a_standard_error_above_the_best(monkeypatch: pytest.MonkeyPatch) -> None:
+    search, tried = search_over(monkeypatch, [1.3, UNSURE, np.ones(5), 1.5, np.inf])
+    assert search.last(tried, "", word).weight == 3.0  # which the second is not surely better than
+    assert [trial.candidate for trial in search.trials if trial.taken] == ["3"]
+    search, tried = search_over(monkeypatch, [1.3, SURE, np.ones(5), 1.5, np.inf])
+    assert search.last(tried, "", word).weight == 2.0
+    search, tried = search_over(monkeypatch, [np.inf, np.inf])
+    assert search.last(tried, "", word).weight == 1.0
+
+
+@pytest.mark.parametrize(
+    ("ratios", "weight"),
+    [
+        ((1.0, 1.02, 1.05, 1.2), 2.0),  # near least squares
+        ((1.031, 1.04, 1.2, 1.5), 3.0),  # no body can be nearer: the last within a standard error
+        ((1.4, 1.41, 1.41, 1.5), 3.0),
+        ((1.41, 1.42, 1.5, 1.6), 2.0),  # perhaps another robot's log
+    ],
+)
+def test_a_prior_is_heavier_where_no_body_can_follow_the_log(
+    monkeypatch: pytest.MonkeyPatch, ratios: tuple[float, ...], weight: float
+) -> None:
+    search, tried = search_over(monkeypatch, [1.1, 1.0, UNSURE + 0.21, 1.3])
+    evidence: Any = SimpleNamespace(blocks=5, fit=lambda settings, _: int(settings.weight) - 1)
+    monkeypatch.setattr(choice, "misfit_ratio", lambda _, fit: ratios[fit])
+    assert replace(search, evidence=evidence).weighted(tried).weight == weight
 
 
 def test_what_fails_is_no_candidate() -> None:
@@ -162,13 +209,11 @@ def test_what_fails_is_no_candidate() -> None:
         _tried(lambda _: {}["x"], SETTINGS)  # a mistake of the code's own
 
 
-def test_priors_near_least_squares_have_three_percent_more_misfit(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_priors_near_least_squares_have_three_percent_more_misfit() -> None:
     tried = [replace(SETTINGS, weight=float(k)) for k in range(4)]
-    evidence: Any = SimpleNamespace(blocks=3, fit=lambda settings, blocks: int(settings.weight))
 
     def near(*ratios: float) -> list[int]:
-        monkeypatch.setattr(choice, "misfit_ratio", lambda _, fit: ratios[fit])
-        return [int(settings.weight) for settings in _near(evidence, tried)]
+        return [int(settings.weight) for settings in _near(tried, ratios)]
 
     assert near(1.0, 1.02, 1.031, 1.2) == [0, 1]
     assert near(1.2, 1.22, 1.24, 1.25) == [0, 1]  # of the lightest where no body can have less
@@ -198,7 +243,9 @@ def test_a_prediction_is_of_blocks_left_out_newtons_and_newton_meters_apart() ->
         evidence: Any = SimpleNamespace(
             mechanism=mechanism, blocks=20, band=5.0, fit=fit, equations=lambda settings, blocks: Rows(blocks)
         )
-        return predicted_error(evidence, SETTINGS)
+        squares = predicted_squares(evidence, SETTINGS)
+        np.testing.assert_allclose(squares, squares.mean())
+        return float(np.sqrt(squares.sum()))
 
     turn, slide = JointKind.REVOLUTE, JointKind.PRISMATIC
     assert of(turn, turn, turn) == pytest.approx(np.sqrt(14.0 / 1100.0))

@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from adaptctl.arrays import positive_number
+from adaptctl.arrays import Array, positive_number
 from adaptctl.description.drive import DriveParameter
 from adaptctl.errors import AdaptctlError, InputError
 from adaptctl.identification.fit import Fit, FitSettings, LogEvidence
@@ -37,6 +37,11 @@ MIN_WEIGHT_IMPROVEMENT = 0.003
 # Residual of the consistent estimate over that of least squares on the same columns that a prior may cost for a little
 # better prediction; what costs more has to be better by MIN_IMPROVEMENT.
 MAX_MISFIT_RATIO = 1.03
+# Error of links that bodies can be over that of least squares, from which on the log may be another robot's: those of
+# its own are up to 1.14 on real logs.
+OTHER_ROBOT_RATIO = 1.4
+
+Score = TypeVar("Score", float, Array)
 
 
 class FrictionTrial(NamedTuple):
@@ -87,13 +92,9 @@ def choose(
         tried = clean_cutoffs(evidence.motions, evidence.rows)
         settings = search.best([replace(settings, cutoff=c) for c in tried], "cut-off, Hz", _cutoff)
     settings = search.best([replace(settings, slow=s) for s in SLOW_CANDIDATES], "slow joints masked below", _slow)
-    settings = search.best(_lasting(evidence, settings), "noise that lasts", _noise, MIN_WEIGHT_IMPROVEMENT)
+    settings = search.best(_lasting(evidence, settings), "noise that lasts", _noise, MIN_WEIGHT_IMPROVEMENT, 0.0)
     if weight is None:
-        every = [replace(settings, weight=w) for w in WEIGHT_CANDIDATES]
-        near = _near(evidence, every)
-        settings = search.best(near, "weight of the prior", _weight, MIN_WEIGHT_IMPROVEMENT)
-        heavier = [s for s in every if s.weight > near[-1].weight]
-        settings = search.best([settings, *heavier], "weight of the prior, any misfit", _weight)
+        settings = search.weighted([replace(settings, weight=w) for w in WEIGHT_CANDIDATES])
     return Choice(settings, tuple(search.trials))
 
 
@@ -149,24 +150,22 @@ def _worst(evidence: LogEvidence, settings: FitSettings) -> int | None:
     return suspects[int(np.argmin(rests))] if min(rests) < 0.5 * now else None
 
 
-def predicted_error(evidence: LogEvidence, settings: FitSettings) -> float:
-    """Relative error of torques predicted on blocks left out, in five groups of neighbors; N and N m apart."""
+def predicted_squares(evidence: LogEvidence, settings: FitSettings) -> Array:
+    """Squared relative error of torques predicted on blocks left out, by five groups of them; N and N m apart."""
     judged = settings.judging(evidence.band)
-    squares, sizes = np.zeros((2, evidence.mechanism.dof))
-    for fold in np.array_split(np.arange(evidence.blocks), NUM_FOLDS):
+    squares, sizes = np.zeros((2, NUM_FOLDS, evidence.mechanism.dof))
+    for i, fold in enumerate(np.array_split(np.arange(evidence.blocks), NUM_FOLDS)):
         rest = [b for b in range(evidence.blocks) if b not in fold]
         held_out = evidence.equations(judged, fold.tolist())
-        squares += held_out.misfit(evidence.fit(settings, rest).x)
-        sizes += held_out.square.sum(axis=0)
+        squares[i] = held_out.misfit(evidence.fit(settings, rest).x)
+        sizes[i] = held_out.square.sum(axis=0)
     revolute = np.array([joint.kind.is_revolute for joint in evidence.mechanism.primary_joints])
-    kinds = [kind for kind in (revolute, ~revolute) if sizes[kind].sum() > 0.0]
-    return float(np.sqrt(np.mean([squares[kind].sum() / sizes[kind].sum() for kind in kinds])))
+    kinds = [kind for kind in (revolute, ~revolute) if sizes[:, kind].sum() > 0.0]
+    return np.asarray(np.mean([squares[:, kind].sum(axis=1) / sizes[:, kind].sum() for kind in kinds], axis=0))
 
 
-def _near(evidence: LogEvidence, tried: Sequence[FitSettings]) -> list[FitSettings]:
+def _near(tried: Sequence[FitSettings], ratios: Sequence[float]) -> list[FitSettings]:
     """Settings whose fit has at most 3 % more misfit than least squares, or than the lightest prior."""
-    every = range(evidence.blocks)
-    ratios = _each(lambda s: misfit_ratio(evidence, evidence.fit(s, every)), tried)
     most = MAX_MISFIT_RATIO * max(1.0, min(ratios) if min(ratios) > MAX_MISFIT_RATIO else 1.0)
     return [s for s, ratio in zip(tried, ratios, strict=True) if ratio <= most] or [tried[0]]
 
@@ -180,16 +179,16 @@ def misfit_ratio(evidence: LogEvidence, fit: Fit) -> float:
     return float(np.sqrt((equations.misfit(fit.x) @ weight) / (equations.misfit(least) @ weight)))
 
 
-def _each(score: Callable[[FitSettings], float], tried: Sequence[FitSettings]) -> list[float]:
+def _each(score: Callable[[FitSettings], Score], tried: Sequence[FitSettings]) -> list[Score | float]:
     """Scores of candidates, the last first: fits with light priors begin where those with heavier ones ended."""
     return [_tried(score, s) for s in reversed(tried)][::-1]
 
 
-def _tried(score: Callable[[FitSettings], float], settings: FitSettings) -> float:
+def _tried(score: Callable[[FitSettings], Score], settings: FitSettings) -> Score | float:
     """Score of a candidate, infinite if it fails: others may do."""
     with suppress(AdaptctlError, np.linalg.LinAlgError, FloatingPointError):
         found = score(settings)
-        return found if np.isfinite(found) else np.inf
+        return found if np.all(np.isfinite(found)) else np.inf
     return np.inf
 
 
@@ -206,16 +205,59 @@ class _Selection:
         what: str,
         word: Callable[[FitSettings], str],
         better: float = MIN_IMPROVEMENT,
+        clear: float = 1.0,
     ) -> FitSettings:
-        """Settings that predict best, an earlier one unless a later one is better by a share."""
-        scores = _each(partial(predicted_error, self.evidence), tried)
+        """Settings that predict best, an earlier one unless a later one is better by a share and standard errors."""
+        squares = self._squares(tried)
         best = 0
-        for i, score in enumerate(scores):
-            if score < (1.0 - better) * scores[best]:
+        for i, own in enumerate(squares):
+            less = own.sum() < (1.0 - better) ** 2 * squares[best].sum()
+            if less and not _worse_by(squares[best], own) <= clear:
                 best = i
-        pairs = enumerate(zip(tried, scores, strict=True))
-        self.trials.extend(FrictionTrial(what, word(s), error, i == best) for i, (s, error) in pairs)
-        return tried[best]
+        return self._told(tried, best, what, word, squares)
+
+    def weighted(self, tried: Sequence[FitSettings]) -> FitSettings:
+        """Settings by whose weight of the prior blocks left out are predicted best, by rising weights."""
+        evidence, what = self.evidence, "weight of the prior"
+        ratios = _each(lambda s: misfit_ratio(evidence, evidence.fit(s, range(evidence.blocks))), tried)
+        if MAX_MISFIT_RATIO < min(ratios) <= OTHER_ROBOT_RATIO:  # no body can be what this robot's log asks for
+            return self.last(tried, what, _weight)
+        near = _near(tried, ratios)
+        found = self.best(near, what, _weight, MIN_WEIGHT_IMPROVEMENT, 0.0)
+        heavier = [s for s in tried if s.weight > near[-1].weight]
+        return self.best([found, *heavier], f"{what}, any misfit", _weight)
+
+    def last(self, tried: Sequence[FitSettings], what: str, word: Callable[[FitSettings], str]) -> FitSettings:
+        """Last settings that predict as well as the best ones but for a standard error (Breiman et al. 1984)."""
+        squares = self._squares(tried)
+        least = min(squares, key=np.sum)
+        last = max((i for i, own in enumerate(squares) if _worse_by(own, least) <= 1.0), default=0)
+        return self._told(tried, last, what, word, squares)
+
+    def _squares(self, tried: Sequence[FitSettings]) -> list[Array]:
+        each = _each(partial(predicted_squares, self.evidence), tried)
+        return [np.broadcast_to(squares, NUM_FOLDS) for squares in each]
+
+    def _told(
+        self,
+        tried: Sequence[FitSettings],
+        taken: int,
+        what: str,
+        word: Callable[[FitSettings], str],
+        squares: Sequence[Array],
+    ) -> FitSettings:
+        errors = enumerate(np.sqrt(np.sum(squares, axis=1)).tolist())
+        self.trials.extend(FrictionTrial(what, word(tried[i]), error, i == taken) for i, error in errors)
+        return tried[taken]
+
+
+def _worse_by(squares: Array, others: Array) -> float:
+    """Standard errors, over groups of blocks, by which some squared errors are above others; infinite if these fail."""
+    if np.isinf(squares).any():
+        return np.inf
+    more = squares - others
+    error = np.sqrt(len(more) * np.var(more, ddof=1))
+    return float(more.sum() / max(error, np.finfo(float).tiny))
 
 
 def _friction(settings: FitSettings) -> str:

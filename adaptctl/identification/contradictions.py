@@ -11,7 +11,7 @@ import numpy as np
 from adaptctl.description.drive import DriveParameter
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.plausibility import implausible_masses
-from adaptctl.identification.choice import MAX_MISFIT_RATIO, WEIGHT_CANDIDATES, misfit_ratio
+from adaptctl.identification.choice import MAX_MISFIT_RATIO, OTHER_ROBOT_RATIO, WEIGHT_CANDIDATES, misfit_ratio
 from adaptctl.identification.fit import Fit, LogEvidence
 from adaptctl.identification.held_out import HeldOut
 from adaptctl.identification.least_squares import least_squares
@@ -24,9 +24,6 @@ CHANGED_RATIO, CHANGED, POOR = 2.5, 0.1, 0.2
 CHECK = "check for a counterbalance, for gravity compensation, and for its torque's sign and unit"
 """what a joint that weighs otherwise may mean"""
 
-# Error of links that bodies can be over that of least squares, from which on the log may be another robot's: those of
-# its own are up to 1.14 on real logs.
-OTHER_ROBOT_RATIO = 1.4
 OTHER_ROBOT = " (check that the log is this robot's, and the order, signs and units of its columns)"
 
 
@@ -96,7 +93,7 @@ def excess_misfit(evidence: LogEvidence, fit: Fit, held_out: HeldOut) -> Excess:
 
     Least squares follow noise, too: that they fit the training rows better says nothing unless they predict better.
     """
-    ratio, names = misfit_ratio(evidence, fit), ", ".join(forced(evidence, fit))
+    ratio = misfit_ratio(evidence, fit)
     name = "error over that of least squares"
     if ratio <= MAX_MISFIT_RATIO:
         return Excess(PreparationStep(name, f"{ratio - 1.0:.1%} on the training rows"))
@@ -104,10 +101,15 @@ def excess_misfit(evidence: LogEvidence, fit: Fit, held_out: HeldOut) -> Excess:
     free = evidence.ordinary(fit.settings, every)
     own, least = (held_out.of(x).relative_error for x in (fit.x, free))
     above = f"the error on the training rows is {ratio - 1.0:.1%} above that of least squares"
-    bodies = misfit_ratio(evidence, evidence.fit(replace(fit.settings, weight=WEIGHT_CANDIDATES[0]), every))
+    light = evidence.fit(replace(fit.settings, weight=WEIGHT_CANDIDATES[0]), every)
+    bodies = misfit_ratio(evidence, light)
+    names = ", ".join(forced(evidence, light if bodies > MAX_MISFIT_RATIO else fit))
     if bodies > MAX_MISFIT_RATIO:
         other = bodies > OTHER_ROBOT_RATIO
-        why = f"forced by {names}: what least squares ask of it no body can have{OTHER_ROBOT if other else ''}"
+        why = (
+            f"{bodies - 1.0:.1%} forced by {names}, whatever the prior: what least squares ask of it no body can have"
+            f"{OTHER_ROBOT if other else ''}"
+        )
     else:
         why = (
             f"by the weight {fit.settings.weight:g} of the prior and most at {names}; with less weight the estimate "
