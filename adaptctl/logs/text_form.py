@@ -27,6 +27,8 @@ GROUPED = re.compile(
     r"(?:(?!(?P=group))(?P<decimal>[.,])\d*(?:[eE][+-]?\d+)?)?$"
 )
 """number with marks between thousands"""
+MARKED = re.compile(r"\d[,'\u2019 \u00a0\u202f]\d|\.\d+\.")
+"""marks in a number that a decimal point alone does not have"""
 
 
 @dataclass(frozen=True)
@@ -118,7 +120,7 @@ def _form(lines: list[str], path: str | Path, encoding: str) -> TextForm:
         raise FileError(
             f"{path}: not a text table (line {line + 1} has {told} names, and line {first + 1} {width} numbers)"
         )
-    decimal = _decimal([cell for line in lines[first : first + 5000] for cell in cells(line, mark)])
+    decimal = _decimal(lines[first : first + 5000], mark)
     names = named[-1][1] if named else None
     names = None if names is None else [name or f"({i + 1})" for i, name in enumerate(names)]
     own = {} if names is None or units is None else {n: u for n, u in zip(names, units, strict=False) if u}
@@ -127,8 +129,12 @@ def _form(lines: list[str], path: str | Path, encoding: str) -> TextForm:
     return TextForm(mark, decimal, first, names, own, width, encoding, notes, lead)
 
 
-def _decimal(given: list[str]) -> str:
+def _decimal(lines: list[str], mark: str) -> str:
     """Mark before decimals: that after thousands, if any, else a comma where no number has a point."""
+    text = "\n".join(lines)
+    if '"' not in text and not MARKED.search(text.replace(mark, "\n")):
+        return "."
+    given = [cell for line in lines for cell in cells(line, mark)]
     told = next(filter(None, map(_after_thousands, given)), None)
     if told is not None:
         return told
