@@ -50,7 +50,7 @@ __all__ = [
 # a step of some 20 microseconds they would cost more than the physics.
 # Thresholds are returns of Slotine and Li's law from zero estimates (see `baselines`), where the task is one.
 for _id, _kind, _module, _threshold in (
-    ("adaptctl/Puma560Tracking-v0", "Puma560", "built_in", -33.3),
+    ("adaptctl/Puma560Tracking-v0", "Puma560", "built_in", -30.9),
     ("adaptctl/SemiDirectDriveTracking-v0", "SemiDirectDrive", "built_in", -14.3),
     ("adaptctl/Tracking-v0", "", "tracking", None),
 ):
@@ -70,7 +70,7 @@ for _id, _place in (
     register(_id, f"adaptctl.envs.{_place}", order_enforce=False, disable_env_checker=True)
 
 for _id, _name, _threshold in (
-    ("adaptctl/Puma560Learning-v0", "puma560_learning", -1.8),
+    ("adaptctl/Puma560Learning-v0", "puma560_learning", -2.5),
     ("adaptctl/Learning-v0", "learning", None),
 ):
     register(

@@ -10,7 +10,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
-from nightly import nightly
+from nightly import mostly_at_night
 from rerun.chunk import RrdReader
 
 import adaptctl
@@ -21,6 +21,7 @@ from adaptctl.recording.live import streaming
 from adaptctl.simulation import rollout
 
 PERIOD, STEPS = 1e-2, 12
+LEARNERS = Path(__file__).parent.parent / "docs" / "learners.md"
 
 
 @pytest.fixture(scope="module")
@@ -138,10 +139,13 @@ def test_data_sets_have_each_controller_s_episodes(arm: adaptctl.Mechanism, monk
         write_minari("adaptctl/two_link/mixed-v0", tracking(arm), laws)
 
 
-@nightly
-@pytest.mark.parametrize("name", ["Puma560Tracking", "SemiDirectDriveTracking", "Puma560Learning"])
+THRESHOLDS = "Puma560Tracking", "SemiDirectDriveTracking", "Puma560Learning"
+
+
+@pytest.mark.parametrize("name", mostly_at_night(THRESHOLDS, "Puma560Learning"))
 def test_thresholds_are_returns_of_the_law_that_knows_nothing(name: str) -> None:
     spec = gymnasium.spec(f"adaptctl/{name}-v0")
+    assert f"−{-(spec.reward_threshold or 0.0)} for `{spec.id}`" in " ".join(LEARNERS.read_text("utf-8").split())
     found = baselines(gymnasium.make(spec))["Slotine-Li from zero estimates"]
     assert spec.reward_threshold is not None
     assert spec.reward_threshold < found < spec.reward_threshold + 0.1
