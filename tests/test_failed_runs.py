@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields
+from types import SimpleNamespace
 from typing import Any, get_args
 
 import numpy as np
@@ -11,11 +12,12 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array
 from adaptctl.compilation.lanes import Precision
-from adaptctl.control import ReferencePoint, SlotineLi
+from adaptctl.control import ReferencePoint, Sinusoids, SlotineLi
 from adaptctl.dynamics import Mechanism
 from adaptctl.experiments.contest import NO_MODEL, Contender
 from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
 from adaptctl.identifiability import FundamentalBasis
+from adaptctl.sweeps import rows
 from adaptctl.sweeps.rows import RunOutcome, alone, batched
 
 
@@ -72,3 +74,35 @@ def test_what_the_simulation_of_many_refuses_is_computed_by_itself_in_double_and
     assert single[0][0][1].status == "done"
     assert single[1] == single[2]
     assert "Stepping has a custom step" in single[1][0][1].reason
+
+
+SWINGING = Sinusoids(np.zeros(2), np.ones(2), np.ones(2))
+
+
+@pytest.mark.parametrize(
+    ("changes", "size", "together"),
+    [
+        ({}, 2, 1),
+        ({"effects": ("delay",)}, 2, 0),
+        ({"mechanism": SimpleNamespace(continuation="loops")}, 2, 0),
+        ({"reference": "spline"}, 2, 0),
+        ({}, 3, 0),
+    ],
+)
+def test_plain_runs_alone_are_computed_together(
+    changes: dict[str, Any], size: int, together: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plant = SimpleNamespace(**{"effects": (), "dof": 2, "mechanism": SimpleNamespace(continuation=None)} | changes)
+    episode = SimpleNamespace(plant=plant, reference=changes.get("reference", SWINGING))
+    law = SimpleNamespace(name="law", controller=SimpleNamespace(reference_size=size))
+    monkeypatch.setattr(rows, "_mechanism", lambda experiment: None)
+    monkeypatch.setattr(rows, "offline", lambda mechanism: None)
+    monkeypatch.setattr(rows, "started", lambda *given: (episode, None))
+    experiment: Any = SimpleNamespace(contenders=lambda mechanism, basis: [law])
+    assert len(rows._trials(experiment, (), {})) == together
+
+
+def test_a_task_and_its_environment_are_of_one_class_or_each_run_is_begun_anew() -> None:
+    assert rows._home(Singular, "contenders") is Singular
+    assert rows._home(Singular, "environment") is rows._home(Puma560Adaptive, "environment") is not Singular
+    assert rows._home(Singular, "nothing") is None

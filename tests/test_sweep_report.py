@@ -11,10 +11,10 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from adaptctl.errors import InputError
+from adaptctl.errors import FileError, InputError
 from adaptctl.sweeps import rows as rows_module
 from adaptctl.sweeps.cluster import Cluster, _validate_workers
-from adaptctl.sweeps.folder import Folder, Saved
+from adaptctl.sweeps.folder import Folder, Saved, read_table, write_checked
 from adaptctl.sweeps.report import SweepReport, map_figure
 from adaptctl.sweeps.rows import RunOutcome, alone, rows_of
 from adaptctl.sweeps.search import search
@@ -260,3 +260,14 @@ def test_draws_need_a_number(samples: int | None) -> None:
     given = {} if samples is None else {"samples": samples}
     with pytest.raises(InputError, match="--samples: expected the number of sobol samples"):
         SweepStudy(NAME, {"payload": Span(0.0, 5.0, whole=False)}, sampling="sobol", **given)
+
+
+def test_a_sweep_that_goes_on_has_the_rows_of_its_shards_so_far(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="no finished runs"):
+        read_table(tmp_path)
+    (tmp_path / "shards").mkdir()
+    for shard in (1, 0):
+        own = pa.table({"run": [2 * shard, 2 * shard + 1]}).replace_schema_metadata({"runs": "2"})
+        write_checked(tmp_path / "shards" / f"{shard}.parquet", own)
+    (tmp_path / "shards" / ".2.parquet").write_bytes(b"half")
+    assert read_table(tmp_path)["run"].to_pylist() == [0, 1, 2, 3]
