@@ -10,7 +10,9 @@ import pytest
 
 from adaptctl.arrays import Array
 from adaptctl.control.excitation.motion_limits import MotionLimits
+from adaptctl.description import Joint
 from adaptctl.identification.column_names import offer
+from adaptctl.identification.contradictions import poorly_predicted
 from adaptctl.identification.energy_differences import _integral
 from adaptctl.identification.late_stamps import are_even
 from adaptctl.identification.regular_range import _box, _oblique
@@ -95,3 +97,39 @@ def test_a_change_from_an_instant_on_explains_what_least_squares_says() -> None:
     for k, found in enumerate(_explained(N, m, 2), start=1):
         rows = np.where(np.arange(3) < 2, Y, Y * (parts >= k)[:, None])
         assert found == pytest.approx(torque @ rows @ np.linalg.lstsq(rows, torque)[0])
+
+
+@pytest.mark.parametrize(
+    ("held_out", "left", "told"),
+    [
+        ((0.24, 0.1), 0.15, ""),
+        ((0.26, 0.1), 0.15, "26% of a's (10% where fitted) torques"),
+        ((0.1, 0.24), 0.15, ""),
+        ((0.1, 0.26), 0.15, ""),
+        ((0.2, 0.2), 0.19, ""),
+        ((0.2, 0.2), 0.21, "21% of the torques in the band of the motion, most at a"),
+    ],
+)
+def test_rows_held_out_are_told_that_are_far_worse_than_those_fitted(
+    held_out: tuple[float, float], left: float, told: str
+) -> None:
+    """Of joints that are judged: b is left out."""
+    sums = SimpleNamespace(misfit=lambda x: np.array([0.01, 0.01]), square=np.ones((1, 2)))
+    motors = [SimpleNamespace(position="p", torque="t")] * 2
+    evidence: Any = SimpleNamespace(
+        equations=lambda settings, blocks: sums,
+        blocks=1,
+        mechanism=SimpleNamespace(primary_joints=[Joint("a"), Joint("b")]),
+        drives=SimpleNamespace(motors=motors),
+    )
+    fit: Any = SimpleNamespace(settings=SimpleNamespace(judging=lambda cutoff: None), x=None)
+    judged: Any = SimpleNamespace(
+        joint_relative_errors=np.array(held_out),
+        cutoff=5.0,
+        left_out=(1,),
+        relative_error=left,
+        joint_rms_errors=np.array([1.0, 2.0]),
+    )
+    words = list(poorly_predicted(evidence, fit, judged))
+    assert len(words) == bool(told)
+    assert told in "".join(words)
