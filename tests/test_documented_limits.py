@@ -20,7 +20,17 @@ from adaptctl.experiments.contest import MAX_SAMPLES
 from adaptctl.hardware import checks, force_sensor, loop, timing, torque_guard
 from adaptctl.hardware.drive import MAX_ERROR, TOUCH_FORCE
 from adaptctl.identifiability import certificate
-from adaptctl.identification import choice
+from adaptctl.identification import (
+    choice,
+    delay,
+    instruments,
+    long_logs,
+    noise_choice,
+    position_noise,
+    report,
+    torque_constants,
+    uncertainty,
+)
 from adaptctl.identification.identify import HELD_OUT_SHARE
 from adaptctl.logs import isolated, lerobot, on_disk, table, text
 from adaptctl.simulation import integrator
@@ -114,6 +124,23 @@ STATED = [
     ("identification", f"a data set of LeRobot {lerobot.MAX_FILES:,} files"),
     ("identification", f"at most {percent(choice.MAX_MISFIT_RATIO - 1.0)} over that of least squares"),
     ("identification", f"the last {percent(HELD_OUT_SHARE)} of the others"),
+    ("identification", f"a window in each of {choice.NUM_BLOCKS} blocks"),
+    ("identification", f"rows take more than {long_logs.LONG / 2**20:g} MB"),
+    ("identification", f"at least {choice.MIN_CUTOFF:.0f} Hz. Cut-offs"),
+    ("identification", f"smoothed at 20 to {choice.MAX_CUTOFF:.0f} Hz"),
+    ("identification", f"Joints slower than {percent(choice.SLOW_CANDIDATES[0])} of their peak speed"),
+    ("identification", f"to {choice.WEIGHT_CANDIDATES[-1]:.0f}. It may increase"),
+    ("identification", f"left out better by {percent(choice.MIN_IMPROVEMENT)}, as on"),
+    ("identification", f"better so by {100.0 * choice.MIN_WEIGHT_IMPROVEMENT:g} %"),
+    ("identification", f"that lasts** {any_of(noise_choice.TIMES)} s"),
+    ("identification", f"must be {1.0 / noise_choice.MOST_SHARE:.0f} times as long"),
+    ("identification", f"such that {uncertainty.INTERVAL} of them"),
+    ("identification", f"more than {100.0 * position_noise.MAX_NOISE_SHARE:g} % of the squares"),
+    ("identification", f"below {instruments.WEAK_INSTRUMENT:.0f} it is weak"),
+    ("identification", f"predicted below {percent(report.WELL)}, roughly"),
+    ("identification", f"predicted below {percent(report.ROUGHLY)}, poorly"),
+    ("identification", f"at least {1e3 * delay.LEAST_DELAY:.0f} ms and"),
+    ("identification", f"a centre with one of {100.0 * torque_constants.MAX_CENTER_DEVIATION:.0f} cm"),
     ("identification", f"the same filter of {choice.COMPARISON_CUTOFF:.0f} Hz"),
     ("tuning", f"initial error $e_j$ ({feasible_gains.MAX_INITIAL_ERROR} rad or m"),
     ("tuning", rf"${feasible_gains.ACCELERATION_SHARE}\,\tau_j / M_{{jj}}$"),
