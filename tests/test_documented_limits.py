@@ -10,7 +10,8 @@ from adaptctl import files
 from adaptctl.codegen import exporting, live_arm
 from adaptctl.compilation import llvm, object_cache, routine, sine
 from adaptctl.contest import known
-from adaptctl.control import ringing
+from adaptctl.control import leaky_integral, ringing
+from adaptctl.control.adaptation import two_stage_filter
 from adaptctl.control.gains import sampling_ratio
 from adaptctl.description import pose, right_angles
 from adaptctl.description.readers import entries, mjcf, xml_elements
@@ -34,7 +35,7 @@ from adaptctl.identification import (
 from adaptctl.identification.identify import HELD_OUT_SHARE
 from adaptctl.logs import isolated, lerobot, on_disk, table, text
 from adaptctl.simulation import integrator
-from adaptctl.tuning import default_gains, feasible_gains, feasible_reference, verification
+from adaptctl.tuning import default_gains, feasible_gains, feasible_reference, learning_rule, verification
 from adaptctl.tuning.tune import (
     SEARCH_DURATION,
     SEARCHED_ADAPTATION_RATIOS,
@@ -85,6 +86,10 @@ STATED = [
     ),
     ("discrete_adaptation", f"below $-{-ringing.BRAKE_CORRELATION}$ it brakes"),
     ("discrete_adaptation", f"moving averages over {ringing.AVERAGING_PERIODS} steps"),
+    ("adaptation", f"a filter of {two_stage_filter.SLIDING_CUTOFF:.0f} rad/s"),
+    ("adaptation", f"{learning_rule.SPEED_NOISE:g} rad/s. The second"),
+    ("adaptation", f"It is at least {percent(learning_rule.FRICTION_ERROR_SHARE)} of"),
+    ("adaptation", rf"$\rho T$ is at most {leaky_integral.MAX_RATE}, of late"),
     ("simulation", f"would exceed {MAX_SAMPLES:,}."),
     ("robots", f"at most {entries.MAX_LINKS} moving links, {entries.MAX_BODIES:,} bodies"),
     ("robots", f"{entries.MAX_GEOMS:,} geoms, {xml_elements.MAX_ELEMENTS:,} elements"),
