@@ -98,12 +98,32 @@ def identified() -> dict[str, str]:
     return {name: told(getattr(found, name)) for name in names} | {"trials": told(trials), "errors": told(errors)}
 
 
+def searched() -> dict[str, str]:
+    """Parameters and errors after five steps of searches for consistent estimates, from afar and from near."""
+    from test_consistent_estimates import problem, tiny
+
+    from adaptctl.identification.consistent_estimate import SMALL_SLOPE, _Newton, _Problem
+
+    found = {}
+    cases = {"far": (problem(3), False), "edge": (tiny(0), False), "near": (tiny(0), True)}
+    for name, (given, near) in cases.items():
+        own = _Problem(*given)
+        point = own.start(own.prior.start(len(own.b)), near)
+        for _ in range(5):
+            point = _Newton(own, point).next_point(SMALL_SLOPE)
+        ends = _Newton(own, point)
+        numbers = {"x": point.x, "error": ends.error, "fall": ends.fall, "residual": own.residual(point.x)}
+        found |= {f"{name}: {what}": told(value) for what, value in numbers.items()}
+    return found
+
+
 RUNS: Mapping[str, Callable[[], Any]] = {
     **{f"run, {effects} effects": partial(simulated, effects) for effects in ("none", "rigid", "elastic")},
     **{f"recorded, {law}": partial(recorded, law) for law in ("guarded", "tool in the world", "linear")},
     "in a page, gradient": partial(shown, "gradient"),
     "tried": tried,
     "identified": identified,
+    "searched": searched,
 }
 
 
