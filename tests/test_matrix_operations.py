@@ -88,7 +88,9 @@ def test_pieces_beside_loops_have_the_bits_of_the_whole(lanes: int, monkeypatch:
         return [part.tolist() for part in ensemble.run()]
 
     routine, whole = trace(equation, {"A": 105, "b": k}), values()
-    assert not program(routine, Lanes(lanes)).pieces
+    made = program(routine, Lanes(lanes))
+    assert not made.pieces
+    assert not made.quick
     monkeypatch.setattr(llvm, "MAX_WHOLE_EXPRESSIONS", 0)
     monkeypatch.setattr(llvm, "PIECE_EXPRESSIONS", 20)
     assert program(routine, Lanes(lanes)).pieces
