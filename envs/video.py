@@ -62,7 +62,6 @@ class VideoRecorder(gymnasium.Wrapper[Array, Array, Array, Array]):
         self._every = max(1, round(1.0 / (rate * period)))
         self._rate = 1.0 / (self._every * period)
         self._frames: list[NDArray[np.uint8]] = []
-        self._steps = 0
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """
