@@ -91,7 +91,7 @@ ALIKE = {
     "adaptctl/recording/skeleton.py::Viewpoint.of 1 -> 2 (again 1)": "NumPy takes -2 for -1 in a shape",
     "adaptctl/recording/skeleton.py::Viewpoint.of 1 -> 2 (again 2)": "NumPy takes -2 for -1 in a shape",
     "adaptctl/recording/live.py::reachable 0.1 -> 0.2": "a viewer that starts is asked less often",
-    "adaptctl/hardware/udp_plant.py::main (ahead := (due - time.perf_counter())) > 0.0 -> "
+    "adaptctl/hardware/udp_plant.py::begun (ahead := (due - time.perf_counter())) > 0.0 -> "
     "(ahead := (due - time.perf_counter())) >= 0.0": "to wait for no time is not to wait",
     "adaptctl/logs/joint_states_cdr.py::<module> 1024 -> 1025": "tables are the same, by how many messages at a time",
     "adaptctl/recording/vector_marks.py::Axis.ticks 1e-09 -> 2e-09 (again 1)": (

@@ -260,8 +260,15 @@ def test_a_plant_on_the_network_takes_the_answer_to_its_own_datagram() -> None:
 def test_an_arm_on_the_network_holds_a_torque_once_and_then_falls(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Of a controller that leaves out the third and the fourth answer of six."""
+    """Of a controller that leaves out the third and the fourth answer of six; the second period begins late."""
     monkeypatch.setattr(udp_plant, "PERIOD", period := 0.1)
+    planned: list[float] = []
+
+    def begun(due: float) -> float:
+        planned.append(due)
+        return due + 1.5 * period * (len(planned) == 2)
+
+    monkeypatch.setattr(udp_plant, "begun", begun)
     torques = [np.array([1.0 + k, -0.3]) for k in range(6)]
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as theirs:
         theirs.bind(("127.0.0.1", 0))
@@ -282,10 +289,19 @@ def test_an_arm_on_the_network_holds_a_torque_once_and_then_falls(
     state = plant.init(np.zeros(2), np.zeros(2))
     for torque in (*torques[:2], torques[1], np.zeros(2), *torques[4:]):
         state = plant.step(state, torque)
+    np.testing.assert_allclose(np.diff(planned), period)
     told = capsys.readouterr().out
+    assert abs(float(told.partition("round trips 50 %: ")[2].split()[0])) < 1e6  # not a time of day
+    assert "us; 1 periods began late" in told
     assert "4 of 6 torques came, 2 did not" in told
     assert f"statuses together {0b110011}" in told
     assert f"in the end: {np.abs(state.v).max():.3g} rad/s, positions {np.round(state.p, 3).tolist()}" in told
+
+
+def test_a_period_begins_when_it_is_due_or_at_once() -> None:
+    now = time.perf_counter()
+    assert udp_plant.begun(now + 0.01) >= now + 0.01
+    assert udp_plant.begun(now - 0.01) >= now
 
 
 def test_a_line_of_the_simulated_arm_may_leave_out_its_seconds_and_its_port() -> None:

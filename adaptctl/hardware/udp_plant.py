@@ -36,9 +36,7 @@ def main(robot: str, seconds: float = 20.0, port: int = 5150) -> None:
     started = time.perf_counter()
     for k in range(round(seconds / PERIOD)):
         due = started + k * PERIOD
-        while (ahead := due - time.perf_counter()) > 0.0:
-            time.sleep(ahead)
-        sent = time.perf_counter()
+        sent = begun(due)
         late += sent - due > PERIOD
         link.send(struct.pack(f"<{1 + 2 * r}d", k, *state.p, *state.v))
         answer = received(link, k, r, max(PERIOD, 2e-4) if k else 1.0)
@@ -55,6 +53,13 @@ def main(robot: str, seconds: float = 20.0, port: int = 5150) -> None:
     told = f"{late} periods began late by more than one; all statuses together {statuses}"
     print(f"round trips {percentiles(trips)}; {told}")
     print(f"speed in the end: {np.abs(state.v).max():.3g} rad/s, positions {np.round(state.p, 3).tolist()}")
+
+
+def begun(due: float) -> float:
+    """Wait for a time, and tell when that was."""
+    while (ahead := due - time.perf_counter()) > 0.0:
+        time.sleep(ahead)
+    return time.perf_counter()
 
 
 def percentiles(trips: list[float]) -> str:
