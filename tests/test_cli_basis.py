@@ -16,7 +16,7 @@ import pytest
 from rich.console import Console
 from robot_files import urdf
 
-from adaptctl.cli.basis import report, spectrum
+from adaptctl.cli.basis import _in_frames_of, report, spectrum
 from adaptctl.cli.main import main
 from adaptctl.cli.output import print_parts
 from adaptctl.description.drive import Drive
@@ -228,3 +228,9 @@ def test_singular_values_are_listed_at_the_ends_and_about_the_rank(
     for before, k in pairwise([0, *near]):
         expected += ["..."] * (k > before + 1) + ["----"] * (k == rank + 1) + [str(k)]
     assert told == expected
+
+
+@pytest.mark.parametrize(("tool", "file"), [("mujoco", "a.urdf"), ("pinocchio", "a.xml"), ("mujoco", "a.xml")])
+def test_only_mujoco_has_the_frames_of_its_own_files(tool: str, file: str) -> None:
+    arm = load("two_link")
+    assert (_in_frames_of(tool, arm, file) is arm) == (tool + file == "mujocoa.xml")

@@ -27,7 +27,9 @@ from adaptctl.identification import IdentifiedPayload
 from adaptctl.recording import Fact
 from adaptctl.simulation import RungeKutta4
 from adaptctl.sweeps import cluster as cluster_module
+from adaptctl.sweeps import report as sweep_report
 from adaptctl.sweeps.folder import Folder
+from adaptctl.sweeps.report import SweepReport
 from adaptctl.sweeps.study import SweepStudy
 from adaptctl.tuning.verification import Verification
 
@@ -167,6 +169,19 @@ def test_the_status_of_a_sweep_counts_whole_shards(tmp_path: Path, capsys: pytes
     (tmp_path / "shards" / "done.parquet").unlink()
     assert main(["sweep", "status", str(tmp_path)]) == 0
     assert capsys.readouterr().out == "0 of 3 shards of 3 runs are complete\n"
+
+
+@pytest.mark.parametrize(("diverged", "failed", "code"), [(0, 0, 0), (1, 0, 3), (0, 1, 3)])
+def test_a_sweep_with_failures_fails_where_that_is_asked_for(
+    diverged: int, failed: int, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    counts = {"diverged": diverged, "failed": failed}
+    monkeypatch.setattr(cluster_module, "sweep", lambda *_: None)
+    monkeypatch.setattr(sweep_report, "write_report", lambda out: out)
+    monkeypatch.setattr(SweepReport, "of", lambda out: SimpleNamespace(rows=[1, 2], counts=lambda rows: counts))
+    monkeypatch.setattr(sweep, "_print_status", lambda out: 0)
+    words = ["sweep", "adaptive", "--robot", "two_link", "--out", str(tmp_path)]
+    assert [main(words), main([*words, "--fail-on-failure"])] == [0, code]
 
 
 @pytest.mark.parametrize(("size", "code"), [("0", 2), ("100001", 2), ("1", 130), ("100000", 130)])

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy
 import pytest
+from cyclopts import App
 from hypothesis import given
 from hypothesis import strategies as st
 from nightly import nightly
@@ -96,13 +97,20 @@ def test_doctor_names_what_is_missing(
     assert "wrong: the viewer is missing: pip install rerun-sdk" in capsys.readouterr().out
 
 
-def test_completion_knows_commands_experiments_and_flags(tmp_path: Path) -> None:
-    script = tmp_path / "completion.bash"
-    assert main(["install-completion", "--shell", "bash", "--out", str(script)]) == 0
+def test_completion_knows_commands_experiments_and_flags_and_is_installed_unless_a_file_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    installed: list[str] = []
+    monkeypatch.setattr(App, "install_completion", lambda app, shell: installed.append(shell) or "its place")
+    words, script = ["install-completion", "--shell", "bash"], tmp_path / "completion.bash"
+    assert main([*words, "--out", str(script)]) == 0
+    assert (installed, capsys.readouterr().out) == ([], "")
     text = script.read_text()
     for word in ("doctor", "two-arms", "--initial-error", "--energy-error"):
         assert word in text
     subprocess.run(["bash", "-n", str(script)], check=True)
+    assert main(words) == 0
+    assert (installed, capsys.readouterr().out) == (["bash"], "Written: its place\nIt takes effect in new shells.\n")
 
 
 def test_experiments_are_told_as_json_and_notes_come_last(tmp_path: Path) -> None:

@@ -142,9 +142,10 @@ def install_completion(
     if out is not None:
         validate_output(out)
     try:
-        path = app.install_completion(shell=shell) if out is None else out
-        if out is not None:
-            write_text(out, app.generate_completion(shell=shell))
+        if out is None:
+            path = app.install_completion(shell=shell)
+        else:
+            write_text(path := out, app.generate_completion(shell=shell))
     except ShellDetectionError as error:
         raise InputError("--shell: the current shell is unknown: give bash, zsh or fish") from error
     print(f"Written: {path}\nIt takes effect in new shells.", file=sys.stderr if out is not None else sys.stdout)
