@@ -44,7 +44,7 @@ def print_json(content: Mapping[str, Any]) -> None:
 
 def print_note(text: str) -> None:
     """Print a note, a line on stderr."""
-    print(f"adaptctl: note: {text}", file=sys.stderr, flush=True)
+    print(f"adaptctl: note: {text}", file=sys.stderr)
 
 
 def print_parts(parts: Iterable[RenderableType]) -> None:
