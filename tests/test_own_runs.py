@@ -133,6 +133,11 @@ def test_what_does_not_fit_never_stops_a_loop() -> None:
     assert (log.count, log.faulty) == (0, 4)
     with pytest.raises(InputError, match=r"at least 2 samples, got 0 \(4 faulty\)"):
         log.rollout()
+    log.append(0.0, zero, zero, still, zero)
+    with pytest.raises(InputError, match="at least 2 samples, got 1"):
+        log.rollout()
+    log.append(PERIOD, zero, zero, still, zero)
+    assert len(log.rollout().time) == 2
 
 
 def test_a_faulty_sample_takes_no_place_in_a_full_log() -> None:

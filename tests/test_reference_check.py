@@ -15,7 +15,7 @@ from adaptctl.envs import TrackingEnv
 from adaptctl.errors import ReferenceWarning
 from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation import simulate_many
-from adaptctl.simulation.references import warn_of_derivatives
+from adaptctl.simulation.references import DIFFERENCE_STEP, warn_of_derivatives
 
 NAMES = ("shoulder", "elbow")
 TRUE = Sinusoids([0.1, 0.2], [0.5, 0.3], [0.3, 0.4])
@@ -72,3 +72,10 @@ def test_a_warning_names_the_line_that_calls_the_library() -> None:
         warn_of_derivatives(Twisted("a", 0.0), NAMES, 5.0)
     assert [warned.filename for warned in told] == [__file__]
     assert lines[told[0].lineno - first].strip().startswith("warn_of_derivatives(")
+
+
+def test_runs_that_are_too_short_for_differences_are_not_looked_at() -> None:
+    def unasked(time: ArrayLike, /) -> ReferencePoint:
+        raise AssertionError("the reference was asked")
+
+    warn_of_derivatives(unasked, NAMES, 2.0 * DIFFERENCE_STEP)
