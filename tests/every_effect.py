@@ -1,4 +1,4 @@
-"""Every effect that the library offers, all but springs in one plant: for tests of what all of them do."""
+"""Every effect that the library offers, all but springs and bristles in one plant: for tests of what all of them do."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from adaptctl.simulation.effects import (
     Encoder,
     FilteredDifferences,
     Friction,
+    LuGre,
     PayloadHeld,
     TorqueLimit,
     TorqueRateLimit,
@@ -26,4 +27,4 @@ RIGID: list[Effect] = [
     ControlDelay(2),
 ]
 """Those that a plant of rigid joints has at once, in any order."""
-EFFECTS: list[Effect] = [*RIGID, ElasticJoints(1e4)]
+EFFECTS: list[Effect] = [*RIGID, ElasticJoints(1e4), LuGre(1.0, 1e4)]

@@ -23,6 +23,7 @@ from adaptctl.simulation.effects import (
     Encoder,
     FilteredDifferences,
     Friction,
+    LuGre,
     PayloadHeld,
 )
 from adaptctl.simulation.effects.effect import ActuatorEffect, Effect
@@ -37,6 +38,8 @@ PUSHED, RELEASED, DROPPED = 6.0, 11.0, 8.0
 """s at which a push begins and ends, and a payload is dropped"""
 RISE = 2.0
 """s in which a ramped push rises"""
+DEFLECTION = 2e-4
+"""rad (m) by which Coulomb friction bends bristles"""
 
 
 @dataclass(frozen=True)
@@ -115,6 +118,10 @@ def _elastic(scene: Scene, encoders: str) -> tuple[Effect, ...]:
     return (ElasticJoints(1e4, damping=2.0 * np.sqrt(1e4 * inertia) * 0.1, motor_inertia=inertia, encoders=encoders),)
 
 
+def _lugre(viscous: Array, coulomb: Array) -> Effect:
+    return LuGre(coulomb, coulomb / DEFLECTION, stribeck=0.5 * coulomb, viscous=viscous)
+
+
 def _second(scene: Scene) -> int:
     return min(1, scene.mechanism.dof - 1)
 
@@ -138,6 +145,11 @@ CONDITIONS = {
         "friction and 50 % static friction, in no model",
         lambda s: (Friction(0.0, 0.0, 0.5 * s.friction[1]),),
         lambda s, seed: s.rubbing,
+        foreign=False,
+    ),
+    "lugre": PlantCondition(
+        "LuGre friction that deflects joints by 0.2 mrad and is 50 % higher at rest, in no model",
+        lambda s: (_lugre(*s.friction),),
         foreign=False,
     ),
     "saturation": PlantCondition("torque limits of 60 %", limit_share=0.6),

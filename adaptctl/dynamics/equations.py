@@ -418,7 +418,7 @@ class Equations(ABC):
 
     def damped_dynamics(
         self, q: Column, v: Column, torque: Column, parameters: Column, dt: float,
-        more: Callable[[Column], Column],
+        more: Callable[[Column], tuple[Column, Column]],
     ) -> Column:  # fmt: skip
         """
         Compute the accelerations for a time step with linearly implicit friction, which is stable for stiff friction.
@@ -436,21 +436,22 @@ class Equations(ABC):
         dt : float
             Time step in s.
         more : callable
-            Function from velocities (r,) to slopes (friction divided by velocity) in N m s/rad (N s/m) of further
-            friction, at most r.
+            Function from velocities (r,) near those of the step's end to torques (r,) in N m (N) and slopes (r,) in
+            N m s/rad (N s/m) of further friction, which is the torques plus the slopes times the velocities.
 
         Returns
         -------
         Column
-            Accelerations a (r,) in rad/s^2 (m/s^2) with (M + dt B) a = torque - C v - g - B v, where `damping` and
-            `more` give B at the velocities that the same with B at v would end at: a slope of before a step would
-            overrate Coulomb friction that accelerates.
+            Accelerations a (r,) in rad/s^2 (m/s^2) with (M + dt B) a = torque - C v - g - B v - f, where `damping`
+            gives B, and `more` f and its part of B, at the velocities that the same at v would end at: a slope of
+            before a step would overrate Coulomb friction that accelerates.
 
         Examples
         --------
         >>> from adaptctl.scalars import column
         >>> D = column(arm.inertial_parameters)
-        >>> a = arm.equations.damped_dynamics(column(p), column(v), column([0.0, 0.0]), D, 1e-9, lambda v: column([]))
+        >>> still = column([0.0, 0.0])
+        >>> a = arm.equations.damped_dynamics(column(p), column(v), still, D, 1e-9, lambda v: (still, still))
         >>> bool(np.allclose(list(a), arm.forward_dynamics(p, v, [0.0, 0.0])))
         True
         """
@@ -458,11 +459,12 @@ class Equations(ABC):
         free = torque - self.inverse_dynamics(q, v, v, Column.zeros(self.dof), parameters) + _product(own, v)
 
         def slowed(damping: list[list[Scalar]], speed: Column) -> Column:
-            for i, secant in enumerate(more(speed)):
-                damping[i][i] = damping[i][i] + secant
+            held, slopes = more(speed)
+            for i, slope in enumerate(slopes):
+                damping[i][i] = damping[i][i] + slope
             pairs = (zip(row, damped, strict=True) for row, damped in zip(rows, damping, strict=True))
             inertia = factorised([[_damped(m, b, dt) for m, b in pair] for pair in pairs])
-            return inertia.solved(free - _product(damping, v))
+            return inertia.solved(free - held - _product(damping, v))
 
         first = v + dt * slowed(own, v)
         return slowed(self.damping(q, first, parameters), first)

@@ -274,6 +274,8 @@ def friction_rate(mechanism: Mechanism, effects: Sequence[JointEffect] = ()) -> 
     description = mechanism.description
     if description.num_energy_parameters == len(description.parameter_names) and not np.any(extra):
         return 0.0
+    if np.isinf(extra).any():
+        return math.inf
     p = sampled_configurations(mechanism)
     damping = extra + damping_matrix(mechanism, p, mechanism.inertial_parameters)
     try:
@@ -342,12 +344,23 @@ def integration(
     too_stiff = integrator is None and friction * control_period / MAX_RATE_STEP > MAX_EXPLICIT_SUBSTEPS
     if too_stiff or (integrator is not None and integrator.implicit):
         return Integration(max(MIN_IMPLICIT_SUBSTEPS, resolved), integrator or LinearlyImplicitEuler())
+    validate_explicit(mechanism, effects, None, control_period, 1)
     stable = math.ceil((friction + decay) * control_period / MAX_RATE_STEP)
     return Integration(max(1, resolved, stable), integrator or RungeKutta4())
 
 
-def validate_substeps(mechanism: Mechanism, transmission: Transmission, control_period: float, substeps: int) -> None:
-    """Raise `InputError` if explicit steps are too few for elastic joints."""
+def validate_explicit(
+    mechanism: Mechanism,
+    effects: Sequence[JointEffect],
+    transmission: Transmission | None,
+    control_period: float,
+    substeps: int,
+) -> None:
+    """Raise `InputError` if joints stick, or if explicit steps are too few for elastic joints."""
+    if any(np.isinf(effect.max_slope(mechanism.dof)).any() for effect in effects):
+        raise InputError("plant: joints that stick, as by LuGre, need integrator=LinearlyImplicitEuler()")
+    if transmission is None:
+        return
     waves, decay = transmission.rates(mechanism, sampled_configurations(mechanism))
     needed = _few(math.ceil(control_period * max(waves, decay) / MAX_RATE_STEP), mechanism)
     if substeps < needed:

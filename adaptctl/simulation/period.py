@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -17,6 +18,7 @@ from adaptctl.errors import AdaptctlError
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.scalars import Column, Scalar, absolute, clip, where
 from adaptctl.simulation.effects import JointEffect, PlantEffects
+from adaptctl.simulation.effects.lugre import LuGre
 from adaptctl.simulation.effects.plant_effects import differs
 from adaptctl.simulation.integrator import Integrator
 from adaptctl.simulation.transmission import Motors, Transmission
@@ -67,6 +69,10 @@ MIN_SECANT_SPEED = 1e-9
 """rad/s (m/s); below, friction's slope at rest is used"""
 
 
+Resistance: TypeAlias = Callable[[Column], tuple[Column, Column]]
+"""From velocities (r,) to torques (r,) and slopes (r,) of friction near these"""
+
+
 class Bodies(NamedTuple):
     """Equations of motion for an integrator."""
 
@@ -86,7 +92,11 @@ def held_motion(
     """Motion over one control period under a held torque."""
     dt, several = control_period / substeps, integrator.stages > 1
     fewer = fundamental_motion(mechanism) if transmission is None else None
-    bodies = _rigid(mechanism.equations if fewer is None else fewer.equations, integrator, friction, dt)
+    smooth = [effect for effect in friction if not isinstance(effect, LuGre)]
+    bodies = _rigid(mechanism.equations if fewer is None else fewer.equations, integrator, smooth, dt)
+    for effect in friction:
+        if isinstance(effect, LuGre):
+            bodies = on_bristles(bodies, effect, mechanism.dof, 0.5 * dt)
     if transmission is not None:
         bodies = behind_springs(bodies, transmission, dt if integrator.implicit else 0.0)
 
@@ -112,25 +122,23 @@ def _rigid(equations: Equations, integrator: Integrator, friction: Sequence[Join
 
     shared = outlined(explicit) if integrator.stages > 1 else explicit
 
-    def moved(q: Column, v: Column, torque: Column, parameters: Column, *firm: Column) -> tuple[Column, Column]:
+    def moved(q: Column, v: Column, torque: Column, parameters: Column, *more: Resistance) -> tuple[Column, Column]:
         if not integrator.implicit:
             return shared(q, v, torque - _resisting(friction, v), parameters)
-        held = sum((slope * v for slope in firm), torque)  # what springs take is in the torque already
 
-        def secants(speed: Column) -> Column:
-            return sum(firm, _secants(friction, speed))
+        def resisted(speed: Column) -> tuple[Column, Column]:
+            none = Column.zeros(len(v))
+            helds, slopes = zip((none, _secants(friction, speed)), *(one(speed) for one in more), strict=True)
+            return sum(helds, none), sum(slopes, none)
 
-        return equations.joint_velocities(q, v), equations.damped_dynamics(q, v, held, parameters, dt, secants)
+        return equations.joint_velocities(q, v), equations.damped_dynamics(q, v, torque, parameters, dt, resisted)
 
     return Bodies(equations.joint_velocities, moved, equations.nearest_closed)
 
 
 def behind_springs(links: Bodies, transmission: Transmission, dt: float) -> Bodies:
     """Equations of motion of links and motors coupled by springs."""
-    r = len(transmission.primary)
-
-    def parted(both: Column) -> tuple[Column, Column]:
-        return Column(both.of[:-r]), Column(both.of[-r:])
+    parted = partial(parted_at, len(transmission.primary))
 
     def rates(x: Column, u: Column) -> Column:
         (q, _), (v, w) = parted(x), parted(u)
@@ -139,7 +147,9 @@ def behind_springs(links: Bodies, transmission: Transmission, dt: float) -> Bodi
     def moved(x: Column, u: Column, torque: Column, parameters: Column) -> tuple[Column, Column]:
         (q, theta), (v, w) = parted(x), parted(u)
         springs = transmission.springs(q, v, Motors(theta, w, transmission.motors(parameters)), torque, dt)
-        q_rates, a = links.moved(q, v, springs.torque, transmission.links(parameters), springs.firm)
+        firm = springs.firm
+        # What the springs take at v is in their torque already.
+        q_rates, a = links.moved(q, v, springs.torque, transmission.links(parameters), lambda s: (-(firm * v), firm))
         return joined(q_rates, w), joined(a, springs.spin(v + dt * a))
 
     def projected(x: Column) -> Column:
@@ -147,6 +157,30 @@ def behind_springs(links: Bodies, transmission: Transmission, dt: float) -> Bodi
         return joined(links.projected(q), theta)
 
     return Bodies(rates, moved, projected)
+
+
+def on_bristles(links: Bodies, friction: LuGre, r: int, half: float) -> Bodies:
+    """Equations of motion of links and of the deflections of bristles, over half an implicit step."""
+    parted = partial(parted_at, r)
+
+    def rates(x: Column, v: Column) -> Column:
+        q, z = parted(x)
+        return joined(links.rates(q, v), (1.0 / half) * (friction.deflected(z, v, half) - z))
+
+    def moved(x: Column, v: Column, torque: Column, parameters: Column, *more: Resistance) -> tuple[Column, Column]:
+        q, z = parted(x)
+        return links.moved(q, v, torque, parameters, lambda s: friction.resistance(z, s, half), *more)
+
+    def projected(x: Column) -> Column:
+        q, z = parted(x)
+        return joined(links.projected(q), z)
+
+    return Bodies(rates, moved, projected)
+
+
+def parted_at(last: int, both: Column) -> tuple[Column, Column]:
+    """Column without its last entries, and these."""
+    return Column(both.of[: len(both) - last]), Column(both.of[len(both) - last :])
 
 
 def joined(links: Column, motors: Column) -> Column:
@@ -239,27 +273,27 @@ class ControlPeriod:
         """Outcome of the columns "q", "v", "drives", "sensors", "torque", "noise" and "parameters"."""
         q, v, torque = columns["q"], columns["v"], columns["torque"]
         applied = limited = self.clip_torque(torque)
-        drives, flags, springs = columns["drives"], Column(()), 2 * len(v) if self.effects.elastic is not None else 0
-        drives, motors = Column(drives.of[: len(drives) - springs]), Column(drives.of[len(drives) - springs :])
+        flags = Column(())
+        drives, moved = parted_at(self.effects.moved_size(len(v)), columns["drives"])
         if self.effects.actuators:
             driven, drives, flags = self.effects.driven(limited, drives, self.length)
             applied = self.clip_torque(driven)
-        q, v, motors = self._moved(q, v, motors, applied, columns["parameters"])
-        motor_side = (Column(motors.of[: len(v)]), Column(motors.of[len(v) :])) if self.effects.senses_motors else None
+        q, v, moved = self._moved(q, v, moved, applied, columns["parameters"])
+        motor_side = parted_at(len(v), Column(moved.of[-2 * len(v) :])) if self.effects.senses_motors else None
         p = Column(q[i] for i in self.primary)
         measured = self.effects.measured(*(motor_side or (p, v)), columns["noise"], columns["sensors"], self.length)
-        drives = joined(drives, motors)
+        drives = joined(drives, moved)
         clipped = Column((differs(torque, limited),))
         return PeriodOutcome(q, v, drives, measured[2], *measured[:2], applied, clipped, flags)
 
     def _moved(
-        self, q: Column, v: Column, motors: Column, torque: Column, parameters: Column
+        self, q: Column, v: Column, moved: Column, torque: Column, parameters: Column
     ) -> tuple[Column, Column, Column]:
-        if self.effects.elastic is None:
-            return *self.motion(q, v, torque, parameters), motors
-        n, r = len(q), len(v)
-        x, u = self.motion(joined(q, Column(motors.of[:r])), joined(v, Column(motors.of[r:])), torque, parameters)
-        return Column(x.of[:n]), Column(u.of[:r]), joined(Column(x.of[n:]), Column(u.of[r:]))
+        """The next q and v, and the next deflections of bristles, positions and velocities of motors, as far as any."""
+        z, w = parted_at(len(v) if self.effects.elastic is not None else 0, moved)
+        x, u = self.motion(joined(q, z), joined(v, w), torque, parameters)
+        (q, z), (v, w) = parted_at(len(z), x), parted_at(len(w), u)
+        return q, v, joined(z, w)
 
     def clip_torque(self, torque: Column) -> Column:
         """Torque (r,) clipped to the limits."""

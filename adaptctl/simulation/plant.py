@@ -21,7 +21,7 @@ from adaptctl.errors import InputError, NonFiniteError, validate_kind
 from adaptctl.scalars import Column, Scalar, Structure, Tunable, column
 from adaptctl.simulation.effects import Effect, LoadEffect, PlantEffects
 from adaptctl.simulation.effects.plant_effects import listed
-from adaptctl.simulation.integrator import Integrator, RungeKutta4, validate_integrator, validate_substeps
+from adaptctl.simulation.integrator import Integrator, RungeKutta4, validate_explicit, validate_integrator
 from adaptctl.simulation.period import ControlPeriod, PlantState, held_motion
 from adaptctl.simulation.transmission import Motors, Transmission
 
@@ -97,8 +97,9 @@ class Plant(Tunable):
         self._effects.validate(self.dof, self._links, self.control_period)
         if self.loads:
             validate_ten_a_link(self.mechanism)
-        if self._transmission is not None and not self.integrator.implicit:
-            validate_substeps(self.mechanism, self._transmission, self.control_period, self.substeps)
+        if not self.integrator.implicit:
+            settings = self._transmission, self.control_period, self.substeps
+            validate_explicit(self.mechanism, self._effects.joints, *settings)
 
     def __repr__(self) -> str:
         effects = ", ".join(type(effect).__name__ for effect in self.effects) or "none"
@@ -129,11 +130,9 @@ class Plant(Tunable):
         """Lengths of the state columns "q", "v", "drives" and "sensors"."""
         still, period = np.zeros(self.dof), self.control_period
         memories = self._effects.drive_memory(still, period), self._effects.sensor_memory(still, still, period)
-        joints, motors = (
-            {"q": self.mechanism.equations.num_joints, "v": self.dof},
-            2 * self.dof if self.is_elastic else 0,
-        )
-        return joints | {"drives": len(memories[0]) + motors, "sensors": len(memories[1])}
+        joints = {"q": self.mechanism.equations.num_joints, "v": self.dof}
+        drives = len(memories[0]) + self._effects.moved_size(self.dof)
+        return joints | {"drives": drives, "sensors": len(memories[1])}
 
     def parameters(self, own: Array, time: float) -> Array:
         """
@@ -253,7 +252,8 @@ class Plant(Tunable):
             held = self._holding(q, self._true(0.0) if parameters is None else parameters)
         drives = self._effects.drive_memory(held, self.control_period)
         theta = p if self._transmission is None else p + held / self._transmission.stiffness
-        drives = np.concatenate((drives, theta, v), axis=-1) if self.is_elastic else drives
+        unbent, motors = np.zeros((*arms, self._effects.bristles(self.dof))), (theta, v) if self.is_elastic else ()
+        drives = np.concatenate((drives, unbent, *motors), axis=-1)
         sensed = theta if self._effects.senses_motors else p
         sensors = self._effects.sensor_memory(sensed, v, self.control_period)
         measured = self._measured(sensed, v, self._silence if noise is None else noise, sensors)
@@ -545,7 +545,7 @@ class Plant(Tunable):
 
     @cached_property
     def _chained(self) -> bool:
-        return bool(self._effects.actuators or self._effects.sensors or self.is_elastic)
+        return bool(self._effects.actuators or self._effects.sensors or self._effects.moved_size(self.dof))
 
     @property
     def is_elastic(self) -> bool:

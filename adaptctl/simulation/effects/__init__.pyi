@@ -11,6 +11,7 @@ from adaptctl.simulation.effects.joints import ElasticJoints as ElasticJoints
 from adaptctl.simulation.effects.joints import Friction as Friction
 from adaptctl.simulation.effects.joints import Payload as Payload
 from adaptctl.simulation.effects.joints import PayloadHeld as PayloadHeld
+from adaptctl.simulation.effects.lugre import LuGre as LuGre
 from adaptctl.simulation.effects.plant_effects import PlantEffects as PlantEffects
 from adaptctl.simulation.effects.sensors import Encoder as Encoder
 from adaptctl.simulation.effects.sensors import FilteredDifferences as FilteredDifferences

@@ -13,6 +13,7 @@ from adaptctl.errors import InputError, shown
 from adaptctl.scalars import Column, Scalar, absolute, maximum, where
 from adaptctl.simulation.effects.effect import ActuatorEffect, Effect, JointEffect, LoadEffect, SensorEffect
 from adaptctl.simulation.effects.joints import MOTOR, ElasticJoints
+from adaptctl.simulation.effects.lugre import LuGre
 
 KINDS = (ActuatorEffect, SensorEffect, JointEffect, LoadEffect, ElasticJoints)
 """base classes that a plant accepts"""
@@ -76,7 +77,7 @@ class PlantEffects:
             if not isinstance(effect, KINDS):
                 names = ", ".join(kind.__name__ for kind in KINDS[:3])
                 raise InputError(f"effects: expected effects derived from {names} or LoadEffect, got {shown(effect)}")
-        _validate_single([e for e in given if isinstance(e, ActuatorEffect | SensorEffect | ElasticJoints)])
+        _validate_single([e for e in given if isinstance(e, ActuatorEffect | SensorEffect | ElasticJoints | LuGre)])
         return cls(
             tuple(sorted((e for e in given if isinstance(e, ActuatorEffect)), key=_rank)),
             tuple(sorted((e for e in given if isinstance(e, SensorEffect)), key=_rank)),
@@ -113,6 +114,38 @@ class PlantEffects:
     def senses_motors(self) -> bool:
         """True if encoders are on the motors."""
         return self.elastic is not None and self.elastic.encoders == MOTOR
+
+    def bristles(self, dof: int) -> int:
+        """
+        Return the number of deflections of bristles.
+
+        Parameters
+        ----------
+        dof : int
+            Number r of joints.
+
+        Returns
+        -------
+        int
+            Number r with `LuGre` among the effects, else 0.
+        """
+        return dof if any(isinstance(one, LuGre) for one in self.joints) else 0
+
+    def moved_size(self, dof: int) -> int:
+        """
+        Return the number of the drives' states that move with the joints.
+
+        Parameters
+        ----------
+        dof : int
+            Number r of joints.
+
+        Returns
+        -------
+        int
+            Number of deflections of bristles, and of positions and velocities of motors behind springs.
+        """
+        return self.bristles(dof) + (2 * dof if self.elastic is not None else 0)
 
     @property
     def flags(self) -> tuple[str, ...]:
@@ -288,7 +321,7 @@ def listed(effects: Iterable[Effect]) -> tuple[Effect, ...]:
     return tuple(effects)
 
 
-def _validate_single(chain: list[ActuatorEffect | SensorEffect | ElasticJoints]) -> None:
+def _validate_single(chain: list[Effect]) -> None:
     kinds = [type(effect) for effect in chain]
     for kind in kinds:
         if kinds.count(kind) > 1:
