@@ -82,8 +82,13 @@ def test_names_that_are_like_a_missing_one_or_the_first_twelve_are_offered() -> 
 
 
 def test_columns_of_a_table_are_of_one_length_and_have_names_of_their_own() -> None:
-    with pytest.raises(FileError, match="two columns are named 'a'"):
-        table("log", [("a", np.zeros(2)), ("a", np.zeros(2))])
+    twice = table("log", [("a", np.zeros(2)), ("ab", np.ones(2)), ("a", np.full(2, 2.0))])
+    assert {name: values[0] for name, values in twice.columns.items()} == {"a (1)": 0.0, "ab": 1.0, "a (2)": 2.0}
+    assert twice.notes == ("2 columns are named 'a', and are a (1) to a (2) here",)
+    with pytest.raises(FileError, match=r"no column 'a' for time; did you mean a \(1\), a \(2\)$"):
+        twice.column("a", "time")
+    with pytest.raises(FileError, match="names must be unique"):
+        table("log", [(name, np.zeros(2)) for name in ("a", "a", "a (1)")])
     with pytest.raises(FileError, match="column 'b' has 3 rows, but 'a' has 2"):
         table("log", [("a", np.zeros(2)), ("b", np.zeros(3))])
     for columns in ([], [("a", np.zeros(0))]):

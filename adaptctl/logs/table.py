@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 
@@ -75,7 +76,8 @@ class LogTable:
     def near(self, name: str) -> str:
         """Words that offer columns of a similar name; empty where there are none."""
         names = list(self.columns)
-        near = get_close_matches(name, names, 3) or [other for other in names if name and other.startswith(name)][:3]
+        near = [other for other in names if other.startswith(f"{name} (")] or get_close_matches(name, names, 3)
+        near = near or [other for other in names if name and other.startswith(name)][:3]
         return f"did you mean {', '.join(near)}" if near else ""
 
     def listed(self, most: int = 12) -> str:
@@ -100,19 +102,30 @@ def table(
     words: Mapping[str, str] | None = None,
     begin: Mapping[str, float] | None = None,
 ) -> LogTable:
-    """Table of pairs of a name and a column."""
-    found: dict[str, Array] = {}
-    for name, values in columns:
-        if name in found:
-            raise FileError(f"{source}: two columns are named {name!r}; names must be unique")
-        found[name] = np.asarray(values, dtype=np.float64)
+    """Table of pairs of a name and a column; columns of one name have their numbers behind it."""
+    pairs = list(columns)
+    own, notes = _distinct([name for name, _ in pairs])
+    if len(set(own)) < len(own):
+        raise FileError(f"{source}: several columns have one name, and cannot be numbered; names must be unique")
+    found = {name: np.asarray(values, dtype=np.float64) for name, (_, values) in zip(own, pairs, strict=True)}
     first, rows = next(((name, len(values)) for name, values in found.items()), ("", 0))
     if not rows:
         raise FileError(f"{source}: no rows of numbers; expected a line of column names and one line per sample")
     for name, values in found.items():
         if len(values) != rows:
             raise FileError(f"{source}: column {name!r} has {len(values)} rows, but {first!r} has {rows}")
-    return LogTable(source, found, units or {}, empty or {}, words or {}, begin=begin or {})
+    return LogTable(source, found, units or {}, empty or {}, words or {}, notes=notes, begin=begin or {})
+
+
+def _distinct(names: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
+    """Names that are of one column each, and notes on those that were of several."""
+    number, found = Counter[str](), list[str]()
+    several = [name for name, count in Counter(names).items() if count > 1]
+    for name in names:
+        number[name] += 1
+        found.append(f"{name} ({number[name]})" if name in several else name)
+    notes = [f"{number[n]} columns are named {n!r}, and are {n} (1) to {n} ({number[n]}) here" for n in several]
+    return found, tuple(notes)
 
 
 def validate_size(source: object, rows: int, columns: int) -> None:

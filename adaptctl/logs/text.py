@@ -47,7 +47,7 @@ def read_delimited(path: str | Path) -> LogTable:
     begin = {one.name: one.begin for one in found if one.begin}
     words = {one.name: one.word for one in found if one.word is not None}
     log = table(str(path), ((one.name, one.values) for one in found), units, empty, words, begin)
-    return whole_stamps(replace(log, numbered=form.names is None, notes=(*form.notes, *notes)))
+    return whole_stamps(replace(log, numbered=form.names is None, notes=(*form.notes, *notes, *log.notes)))
 
 
 @contextmanager
