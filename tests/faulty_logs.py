@@ -179,6 +179,10 @@ FAULTS: dict[str, tuple[Change, str]] = {
         "all about 0.02.: are they on the other side of gears",
     ),
     "sign of a torque": (partial(scaled, torque=-1.0), "column 'torque.{two}' has the other sign"),
+    "a sign that turns": (
+        partial(put, what="torque", rows=slice(2400, None), value=np.negative),
+        "column 'torque.{two}' has the other sign from (12|11[.]9)[.0-9]* s on",
+    ),
     "sign of all torques": (lambda log: replace(log, torque=-log.torque), "all torques have the other sign"),
     "sign of a position": (partial(scaled, position=-1.0), "column 'position.{two}' has the other sign"),
     "a mirrored joint": (

@@ -18,6 +18,7 @@ from adaptctl.identification.hypothesis_rows import HypothesisRows, MotionProduc
 from adaptctl.identification.momentum_balance import PackedRegressor
 from adaptctl.identification.normal_equations import NormalEquations
 from adaptctl.identification.time_scale import ScaledTimes
+from adaptctl.identification.turned_torques import turned_torques
 from adaptctl.logs.units import POSITION
 
 # Error as the log is over that of a hypothesis from which on this is named and, if it refuses, the log is refused; and
@@ -144,6 +145,11 @@ def _signs(rows: HypothesisRows) -> Iterator[Hypothesis]:
         words = f"columns {motor.position!r} and {motor.torque!r} both have the other sign: {motor.name} is mirrored"
         remedy = "negate both (and the velocity), or turn the axis of the joint in the robot file"
         yield Hypothesis("a mirrored joint", words, remedy, partial(turned, other))
+    for turn in turned_torques(rows, [_mixing(rows, one - 2.0 * np.diag(own)) for own in one]):
+        log = f" of {turn.source}" if len(rows.sources) > 1 else ""
+        words = f"column {motors[turn.joint].torque!r}{log} has the other sign from {turn.time:.4g} s on"
+        remedy = "negate it there, or cut the log there"
+        yield Hypothesis("a sign that turns", words, remedy, partial(replace, turn.equations))
     if len(motors) > 1:
         yield Hypothesis(
             "sign of all torques", "all torques have the other sign", "negate them", partial(rows.mixed, -one)
