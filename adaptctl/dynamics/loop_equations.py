@@ -195,20 +195,20 @@ class LoopEquations(Equations):
     def damping(self, q: Column, v: Column, parameters: Column) -> list[list[Scalar]]:
         """Damping matrix (r, r), as r rows."""
         posture = self.posture(q)
-        rows = [Column(row) for row in self.tree.damping(q, posture.tree(v), parameters)]
-        ways = self._ways(posture)
-        loads = [Column(row @ way for row in rows) for way in ways]
-        return [[way @ load for load in loads] for way in ways]
+        return self._projected(posture, self.tree.damping(q, posture.tree(v), parameters))
 
     def _ways(self, posture: Posture) -> list[Column]:
         units = (Column(float(i == j) for j in range(self.dof)) for i in range(self.dof))
         return [posture.tree(unit) for unit in units]
 
     def _mass_matrix(self, posture: Posture, q: Column, parameters: Column) -> list[list[Scalar]]:
-        rows = [Column(row) for row in self.tree.mass_matrix(q, parameters)]
-        ways = self._ways(posture)
-        loads = [Column(row @ way for row in rows) for way in ways]
-        return [[ways[max(i, j)] @ loads[min(i, j)] for j in range(self.dof)] for i in range(self.dof)]
+        return self._projected(posture, self.tree.mass_matrix(q, parameters))
+
+    def _projected(self, posture: Posture, rows: list[list[Scalar]]) -> list[list[Scalar]]:
+        """Symmetric matrix J' A J (r, r) of the tree's A (n, n), by rows."""
+        loads = [posture.primary(row) for row in rows]
+        columns = [posture.primary([load[j] for load in loads]) for j in range(self.dof)]
+        return [[columns[min(i, j)][max(i, j)] for j in range(self.dof)] for i in range(self.dof)]
 
     def _motion(
         self, posture: Posture, q: Column, v: Column, v_r: Column, a_r: Column, v_f: Column | None = None
