@@ -8,14 +8,14 @@ from collections import Counter
 _NAME = re.compile(r"%[\w.]+")
 _LINE = re.compile(r"(%[\w.]+) = (fmul|fadd|fsub) contract (\w+) (\S+), (\S+)")
 _NEGATION = re.compile(r"(%[\w.]+) = fneg \w+ (\S+)")
-_LEFT = re.compile(r" contract( (?:double|float) )")
+_LEFT = re.compile(r" contract(?= (?:double|float) )")
 _MINUS_TWO = "0xc000000000000000"  # times which LLVM subtracts a number twice
 _SUFFIXES = {"double": "f64", "float": "f32"}
 
 
 def fused(text: str) -> str:
     """Functions in which a sum or difference with a product that is used once is one operation at any level."""
-    return "\n}".join("\n".join(_Block(part).fused()) for part in text.split("\n}"))
+    return _LEFT.sub("", "\n}".join("\n".join(_Block(part).fused()) for part in text.split("\n}")))
 
 
 class _Block:
@@ -32,11 +32,11 @@ class _Block:
             if line.endswith(":"):  # beyond a block LLVM fuses nothing
                 self.products.clear()
                 self.negated.clear()
-            elif (found := _NEGATION.fullmatch(line)) and self.uses[found[1]] == 2:
-                self.negated[found[1]] = k, found[2]
             elif found := _LINE.fullmatch(line):
                 self._take(k, *found.groups())
-        return [_LEFT.sub(r"\1", line) for line in self.lines if line]
+            elif (found := _NEGATION.fullmatch(line)) and self.uses[found[1]] == 2:
+                self.negated[found[1]] = k, found[2]
+        return [line for line in self.lines if line]
 
     def _take(self, k: int, name: str, op: str, kind: str, x: str, y: str) -> None:
         if op == "fmul":
