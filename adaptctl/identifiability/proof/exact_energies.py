@@ -206,7 +206,16 @@ class ExactEnergies:
 
     def kept(self, order: Sequence[int]) -> tuple[int, ...]:
         """Indices (k,) of the parameters kept by an order of removal."""
-        return tuple(sorted(arithmetic.independent_columns(self._differences, order[::-1], self._nothing)))
+        key = tuple(order)
+        if key not in self._kept:
+            found = arithmetic.independent_columns(self._differences, order[::-1], self._nothing)
+            self._kept[key] = tuple(sorted(found))
+        return self._kept[key]
+
+    @cached_property
+    def _kept(self) -> dict[tuple[int, ...], tuple[int, ...]]:
+        """Parameters kept by each order of removal that was asked for."""
+        return {}
 
     def keeps(self, kept: tuple[int, ...], order: Sequence[int]) -> bool:
         """True if an order of removal keeps exactly these."""
@@ -242,8 +251,12 @@ class ExactEnergies:
 
     def kept_in_any_way(self, order: Sequence[int]) -> Iterator[tuple[int, ...]]:
         """Indices (k,) of the parameters kept by an order of removal, as the geometry is read by axes and by frames."""
-        for way in (replace(self, by_frames=True), self):
+        for way in (self._read_by_frames, self):
             yield way.kept(order)
+
+    @cached_property
+    def _read_by_frames(self) -> ExactEnergies:
+        return replace(self, by_frames=True)
 
     @cached_property
     def _differences(self) -> Any:
