@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -159,6 +160,19 @@ def test_a_warm_start_ends_where_a_cold_one_does() -> None:
     near = consistent_estimate(A, b, prior, 30.0 * weight)
     assert not np.allclose(A @ near, A @ cold, rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(A @ consistent_estimate(A, b, prior, weight, near), A @ cold, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_search_that_runs_away_leaves_the_end_to_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
+    A, b, prior, weight = problem(0)
+    expected, searched, first = consistent_estimate(A, b, prior, weight), search._searched, iter([1e200])
+
+    def running_away(*given: Any) -> Any:
+        np.square(np.full(1, next(first, 1.0)))
+        return searched(*given)
+
+    monkeypatch.setattr(search, "_searched", running_away)
+    np.testing.assert_allclose(A @ consistent_estimate(A, b, prior, weight), A @ expected, rtol=1e-6, atol=1e-6)
 
 
 @pytest.mark.filterwarnings("error")

@@ -63,19 +63,20 @@ def consistent_estimate(A: Array, b: Array, prior: EntropicPrior, weight: float,
 
 def _estimate(problem: _Problem, start: Array | None) -> Array:
     """Consistent parameters of a problem that has no columns without rows."""
-    found, prior = list[_Point](), problem.prior
+    found, prior = list[Array](), problem.prior
     origin = prior.start(len(problem.b))
     first = [] if start is None else [(start, True, SMALL_SLOPE)]
     starts = (origin, *_multiple(problem.A, problem.b, prior))
     others = [(x, False, slope) for slope in (SMALL_SLOPE, np.inf) for x in starts]
     for begun, near, slope in (*first, *others):
-        with suppress(np.linalg.LinAlgError):
+        with suppress(np.linalg.LinAlgError, FloatingPointError), np.errstate(over="raise", invalid="raise"):
             most = MAX_WARM_STEPS if near else MAX_STEPS
             point, converged = _searched(problem, problem.start(begun, near), most, slope)
-            found.append(point)
             if converged or (not near and problem.residual(point.x) < ENOUGH):
                 return _inside(point.x, prior)
-    return _inside(min((point.x for point in found), key=problem.height, default=origin), prior)
+            if np.isfinite(problem.height(point.x)):  # a search that runs away ends at no point
+                found.append(point.x)
+    return _inside(min(found, key=problem.height, default=origin), prior)
 
 
 def _multiple(A: Array, b: Array, prior: EntropicPrior) -> list[Array]:
