@@ -9,14 +9,16 @@ from adaptctl.control.adaptation.law import Period
 from adaptctl.scalars import Column
 
 
-def doubts(miss: float, noise: float = 0.0, form: float = 2.0, counts: float = 1.0, onwards: float = 1.0) -> bool:
+def doubts(
+    miss: float, noise: float = 0.0, form: float = 2.0, counts: float = 1.0, onwards: float = 1.0, friction: float = 0.0
+) -> bool:
     """Whether a miss of one joint raises a doubt after 8 s, in units of the stated error."""
     zero, one = Column((0.0,)), Column((1.0,))
     watch = Watch(zero, Column((noise,)), zero, one, Column((8.0,)), zero, zero, zero)
     whether = Column((counts,)), Column((onwards,))
     sample = TorqueEquations([], [], zero, Column((miss,)), one, *whether, one)
     period: Any = Period(None, *4 * [zero], zero, 1e-3, 1e-3, one)  # type: ignore[arg-type]
-    return float(doubted(sample, Column((form,)), period, watch)[1][0]) > 0.0
+    return float(doubted(sample, Column((form,)), period, watch, Column((friction,)))[1][0]) > 0.0
 
 
 def test_a_doubt_is_raised_by_what_is_no_noise_and_was_shown_before() -> None:
@@ -26,3 +28,6 @@ def test_a_doubt_is_raised_by_what_is_no_noise_and_was_shown_before() -> None:
     assert doubts(7.0, noise=1.0)
     assert not doubts(60.0, form=700.0)  # of a direction that is excited for the first time
     assert not doubts(8.0, onwards=0.0)  # the sign of friction, while a joint turns back
+    assert doubts(13.0, onwards=0.0)
+    assert not doubts(13.0, onwards=0.0, friction=5.0)  # learned friction whose sign may be wrong
+    assert doubts(13.0, friction=5.0)

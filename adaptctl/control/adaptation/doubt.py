@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from adaptctl.control.adaptation.composite import residual
 from adaptctl.control.adaptation.law import Period
 from adaptctl.control.adaptation.two_stage_filter import FilteredPrediction
+from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, absolute, maximum, minimum, where
 from adaptctl.scalars.scalar import Condition
 
@@ -22,6 +23,8 @@ OPEN_LEVEL, OPEN = 3.5, 15.0
 """standard deviations of what motion has not shown yet: what is unsure beyond so many squared errors"""
 SLACK = 10.0
 """deviations of torque noise (3 % of a torque limit) that friction may hold at speeds below `min_speed`"""
+REVERSED = 2.0
+"""times the learned Coulomb friction by which what acts may differ from what is predicted where a joint turns back"""
 CLEAR = 1.0
 """s without a miss that end a doubt"""
 PATIENCE = 10.0
@@ -80,19 +83,27 @@ def equations(
     return TorqueEquations(rows, units, prediction.torque, missed, weights, counts, onwards, moving)
 
 
-def doubted(sample: TorqueEquations, unsure: Column, period: Period, watch: Watch) -> tuple[Column, Column, Any]:
-    """The noise (r,), the doubts (r,) in s, and the age in s."""
+def coulomb_friction(model: ReducedModel, estimate: Column) -> Column:
+    """Coulomb friction (r,) of the primary joints in an estimate (k,), 0 where it is no parameter."""
+    named = (f"{joint.name}.coulomb" for joint in model.mechanism.primary_joints)
+    return Column(estimate[model.names.index(name)] if name in model.names else 0.0 for name in named)
+
+
+def doubted(
+    sample: TorqueEquations, unsure: Column, period: Period, watch: Watch, friction: Column
+) -> tuple[Column, Column, Any]:
+    """The noise (r,), the doubts (r,) in s, and the age in s, by the Coulomb friction (r,) that is trusted."""
     age = watch.age[0] + period.dt * reduce(maximum, sample.counts)
     old = where(age < YOUTH, 0.0, 1.0)
     pace = period.period / minimum(maximum(0.25 * age, 0.1), NOISE_MEMORY)
     quiet = where(watch.alarm[0] > 0.0, 0.0, 1.0)
     noises, doubts = [], []
-    measured = sample.missed, unsure, sample.weights, sample.counts, sample.onwards
-    for miss, form, weight, counts, onwards, noise, doubt in zip(*measured, watch.noise, watch.doubt, strict=True):
+    measured = sample.missed, unsure, sample.weights, sample.counts, sample.onwards, friction
+    for miss, form, weight, counts, onwards, rub, noise, doubt in zip(*measured, watch.noise, watch.doubt, strict=True):
         square = miss * miss
         open_yet = maximum(form - OPEN / weight, 0.0)
         limit = NOISE_LEVEL**2 * noise + KNOWN_LEVEL**2 * (1.0 / weight + form) + OPEN_LEVEL**2 * open_yet
-        loose = limit + where(onwards > 0.5, 0.0, SLACK * SLACK / weight)
+        loose = limit + where(onwards > 0.5, 0.0, SLACK * SLACK / weight + (REVERSED * rub) * (REVERSED * rub))
         calmer = where(square > limit, doubt, maximum(doubt - period.dt, 0.0))
         doubts.append(old * where(square * period.dt_ratio > loose, CLEAR, calmer))
         most = where(

@@ -24,6 +24,7 @@ from adaptctl.control.adaptation.doubt import (
     UNKNOWN,
     TorqueEquations,
     Watch,
+    coulomb_friction,
     doubted,
     ended,
     equations,
@@ -259,8 +260,7 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         r, scale = len(prediction.rows), self._scale
         speeds, weights = each(self.min_speed, r), each(self.prediction_weight, r)
         sample = equations(prediction, period, watch, scale, weights, (speeds, SETTLING / self.cutoff))
-        slope = self._scale * period.gradient(period.integral)
-        x = Column(value / scale for value, scale in zip(estimate, self._scale, strict=True))
+        slope, x = scale * period.gradient(period.integral), Column(a / b for a, b in zip(estimate, scale, strict=True))
         observer = self.external_torque
         fast = None if observer is None else external_torque.predicted(observer, model, period, memory.touch)
         alarmed, stored = watch.alarm[0] > 0.0, memory.stored
@@ -286,7 +286,7 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
     ) -> tuple[Column, GuardedMemory]:  # fmt: skip
         """Estimate and state after what the missed torques are taken for."""
         watch, T = memory.watch, period.period
-        noise, doubt, age = doubted(sample, unsure, period, watch)
+        noise, doubt, age = doubted(sample, unsure, period, watch, coulomb_friction(model, watch.trusted))
         if isinstance(touch, Touch):
             doubt = touched(doubt, external_torque.beyond(touch), age)
         going = where(watch.alarm[0] > TRANSIENT, 1.0, 0.0)
