@@ -388,3 +388,8 @@ def test_a_routine_is_freed_with_its_last_user_not_by_a_search_for_cycles() -> N
         assert freed() is None
     finally:
         gc.enable() if gc_was_on else gc.disable()
+
+
+def test_functions_of_many_lanes_have_the_stack_that_their_numbers_need() -> None:
+    assert "alignstack" not in Lanes().attributes
+    assert "alignstack(32)" in Lanes(4).attributes

@@ -173,6 +173,10 @@ def logged(**given: Any) -> Rollout:
     return Rollout.from_arrays(**cast(Any, {"p": p, "torque": p, "reference_p": p, "control_period": 1e-3} | given))
 
 
+def test_a_run_of_arrays_took_no_time_of_a_computer() -> None:
+    assert logged().wall_time == 0.0
+
+
 @pytest.mark.parametrize(
     ("make", "says"),
     [

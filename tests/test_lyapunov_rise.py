@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any
 
@@ -47,7 +48,9 @@ def law_of(kind: str, model: ReducedModel) -> AdaptationLaw[Any] | None:
     }[kind]
 
 
-def runs(name: str, controller: Controller[Any], effects: list[Effect], every: int | None) -> Rollouts:
+def runs(
+    name: str, controller: Controller[Any] | Sequence[Controller[Any]], effects: list[Effect], every: int | None
+) -> Rollouts:
     rng, mechanism = np.random.default_rng(2), arm(name)
     parameters = mechanism.inertial_parameters * rng.uniform(0.95, 1.05, (MEMBERS, 1))
     references = [swinging(mechanism, seed=k, amplitude=0.3) for k in range(MEMBERS)]
@@ -83,6 +86,18 @@ def test_the_rise_is_that_of_the_samples(name: str, kind: str) -> None:
     np.testing.assert_array_equal(summed.lyapunov_rise, found.lyapunov_rise)
     if kind == "off":
         assert found.lyapunov_rise.min() > 0.0
+
+
+def test_each_law_counts_by_its_own_gains() -> None:
+    model = reduced(TREE)
+    law = SlotineLi(
+        model, 8.0, gains(TREE).damping, law_of("off", model), 1.3 * model.regrouping @ arm(TREE).inertial_parameters
+    )
+    laws = [law.having({"bandwidth": share * law.bandwidth}) for share in (0.25, 0.5, 1.0, 2.0, 4.0)]
+    found = runs(TREE, laws, [], 1)
+    for m, own in enumerate(laws):
+        values = recorded(own, found, TREE, m)
+        assert found.lyapunov_rise[m] == pytest.approx(np.diff(values).max(), abs=1e-10 * values.max())
 
 
 @pytest.mark.parametrize(

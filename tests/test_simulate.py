@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import time
 from collections.abc import Callable
 from dataclasses import fields
 from functools import lru_cache
@@ -170,8 +171,10 @@ def test_loops_run_as_in_the_gymnasium_loop(law: str) -> None:
 def test_loops_stay_closed(integrator: Integrator, open_by: float) -> None:
     mechanism = arm(LOOP)
     env = TrackingEnv(mechanism, swinging(mechanism), duration=3.0, integrator=integrator)
+    started = time.perf_counter()
     made = EpisodeRun(env.episode(), CONTROLLERS["gradient"](LOOP))
     run, q = made.driven(), made.reached.q
+    assert 0.0 < run.wall_time <= time.perf_counter() - started
     assert len(run.time) == 3000
     assert np.abs(run.v).max() > 1.0
     residual = mechanism.equations.residual(Column(q.tolist()))
