@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ import pytest
 from adaptctl.arrays import Array
 from adaptctl.control.excitation.motion_limits import MotionLimits
 from adaptctl.description import Joint
+from adaptctl.identification import listed_hypotheses
 from adaptctl.identification.column_names import offer
 from adaptctl.identification.contradictions import poorly_predicted
 from adaptctl.identification.energy_differences import _integral
@@ -133,3 +136,14 @@ def test_rows_held_out_are_told_that_are_far_worse_than_those_fitted(
     words = list(poorly_predicted(evidence, fit, judged))
     assert len(words) == bool(told)
     assert told in "".join(words)
+
+
+@pytest.mark.parametrize("joints", [1, 2])
+def test_the_signs_of_all_torques_are_doubted_beside_that_of_each(joints: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(listed_hypotheses, "_mixing", MagicMock())
+    monkeypatch.setattr(listed_hypotheses, "_Motion", MagicMock())
+    rows = MagicMock()
+    rows.evidence.mechanism.dof, rows.evidence.drives.motors = joints, [MagicMock()] * joints
+    kinds = Counter(one.kind for one in listed_hypotheses._signs(rows))
+    assert kinds.pop("sign of all torques", 0) == joints - 1
+    assert set(kinds.values()) == {joints}
