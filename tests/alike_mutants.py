@@ -111,7 +111,7 @@ ALIKE = {
     ),
     "adaptctl/dynamics/loops/continuation.py::BatchContinuation.followed 1.0 -> 2.0": "signs alone count",
     "adaptctl/dynamics/loops/continuation.py::BatchContinuation.followed_alone 1.0 -> 2.0": "as above",
-    "adaptctl/codegen/c_program.py::CProgram._piece 0 -> 1 (again 1)": "the first piece has the first two operations",
+    "adaptctl/codegen/c_program.py::CProgram._piece 0 -> 1": "the first piece has the first two operations",
     "adaptctl/identifiability/regrouping.py::_alike "
     "abs(abs(a) - abs(b)) <= EQUAL_COEFFICIENT_TOLERANCE * abs(b) -> "
     "abs(abs(a) - abs(b)) < EQUAL_COEFFICIENT_TOLERANCE * abs(b)": "coefficients differ by round-off or far more",

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from nightly import at_night, mostly_at_night
 from random_loops import RECIPES, gaps, random_loop
 
-from adaptctl.description import Condition, Limits
+from adaptctl.description import Condition, Description, Limits
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError, RankError
 from adaptctl.identifiability import essential_space, random_states, states_within_limits
@@ -190,3 +192,12 @@ def test_the_regularity_is_a_ratio_of_smallest_singular_values(name: str) -> Non
     assert continuation.regularity(np.stack([q, continuation.reference])) == pytest.approx(
         [here / there, 1.0], rel=1e-9
     )
+
+
+def test_a_condition_holds_strictly_within_its_bounds() -> None:
+    condition = SimpleNamespace(weights={"a": 1.0, "b": -1.0}, lower=0.0, upper=1.0)
+    arm: Any = SimpleNamespace(
+        loops=SimpleNamespace(conditions=[condition]), joint_names=("a", "c", "b"), primary=(0, 2)
+    )
+    p = np.array([[0.0, 0.0], [0.5, 0.0], [1.0, 0.0], [1.5, 1.0]])
+    assert Description.within_conditions(arm, p).tolist() == [False, True, False, True]

@@ -118,6 +118,10 @@ def test_the_brake_keeps_to_the_torque_limits(tmp_path: Path) -> None:
     done = adaptctl.export(law, tmp_path / "out", name="arm", language="wasm")
     script = (done.directory / "arm.js").read_text()
     facts = json.loads(script.split("const facts = ", 1)[1].split(";\n", 1)[0])
+    interface = Interface(law)
+    flags = [(interface.memory[k].name.removeprefix("flags_"), value) for k, value in facts["flags"]]
+    own = status_bits(interface)[-len(interface.flags) :]
+    assert flags == [(name, bit.value) for name, bit in zip(interface.flags, own, strict=True)]
     assert facts["limit"] == [40.0] * 3
     assert facts["brake"] == [2.0, 3.0, 4.0]
 

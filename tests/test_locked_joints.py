@@ -252,3 +252,10 @@ def test_gravity_is_added_to_compensated_torques(arm: Path) -> None:
     )
     with pytest.raises(InputError, match="expected known torque constants"):
         with_own_gravity(log, robot, replace(known, motors=motors))
+
+
+def test_what_is_said_of_locked_joints_is_a_copy() -> None:
+    given = {"elbow": 0.5}
+    arm = replace(load("two_link").description, locked=given)
+    given["wrist"] = 1.0
+    assert arm.locked == {"elbow": 0.5}

@@ -115,6 +115,14 @@ def test_the_change_of_torques_is_that_of_another_recursion() -> None:
     assert torque_change(before, after) == pytest.approx(expected, rel=1e-6)
 
 
+def test_torques_are_compared_all_around_and_at_speeds_of_falling() -> None:
+    """Within half a turn either way, and as fast as links of a metre fall: before its joints this arm has no lengths."""
+    p, v, a = _states(read("puma560_measured"))
+    assert (p.min(), p.max()) == pytest.approx((-np.pi, np.pi), rel=0.05)
+    assert np.abs(p).max() <= np.pi
+    assert (v.std(), a.std()) == pytest.approx((np.sqrt(9.81), 9.81), rel=0.15)
+
+
 @pytest.mark.parametrize("name", ["puma560_measured", "semi_direct_drive", "semi_direct_drive_parallelogram"])
 def test_what_is_exact_stays(name: str) -> None:
     assert snapped(read(name)) == read(name)
