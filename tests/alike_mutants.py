@@ -115,6 +115,8 @@ ALIKE = {
     "adaptctl/identifiability/regrouping.py::_alike "
     "abs(abs(a) - abs(b)) <= EQUAL_COEFFICIENT_TOLERANCE * abs(b) -> "
     "abs(abs(a) - abs(b)) < EQUAL_COEFFICIENT_TOLERANCE * abs(b)": "coefficients differ by round-off or far more",
+    "adaptctl/codegen/initialisation.py::start_of PROBE_DISTANCE * np.linspace(0.5, 1.0, law.dof) -> "
+    "PROBE_DISTANCE / np.linspace(0.5, 1.0, law.dof)": "any positions aside tell what depends on them",
     "adaptctl/compilation/stepper.py::Ensemble.run 0 -> 1": "no steps are a number that is checked once more",
     "adaptctl/scalars/scalar.py::logarithm 0.0 -> 1.0 (again 5)": "what is on no side of zero is zero or no number",
     "adaptctl/sweeps/search.py::search 1e+300 -> 2e+300": "errors are below both, and runs that failed above them",

@@ -11,6 +11,7 @@ import pytest
 from every_law import LAWS
 
 import adaptctl
+from adaptctl.codegen.c_program import _runs
 from adaptctl.codegen.initialisation import _computed
 from adaptctl.control import ReferencePoint, Sinusoids
 from adaptctl.errors import FileError, InputError, NonFiniteError
@@ -67,3 +68,10 @@ def test_memory_of_other_laws_that_depends_on_positions_is_named() -> None:
     other: Any = SimpleNamespace(innermost=object(), memory=[SimpleNamespace(name="filtered", size=2)])
     with pytest.raises(InputError, match="object: the initial state filtered depends on the position"):
         _computed(other, (0,))
+
+
+def test_numbers_side_by_side_are_put_back_at_once() -> None:
+    signature: Any = SimpleNamespace(place="out{}[{}]".format, given="in{}[{}]".format)
+    back = [((0, 1), (2, 1)), ((0, 2), (2, 2)), ((1, 3), (3, 3)), ((1, 5), (3, 5))]
+    found = list(_runs(back, signature))
+    assert found == [("out0[1]", "in2[1]", 2), ("out1[3]", "in3[3]", 1), ("out1[5]", "in3[5]", 1)]

@@ -116,7 +116,7 @@ def test_the_change_of_torques_is_that_of_another_recursion() -> None:
 
 
 def test_torques_are_compared_all_around_and_at_speeds_of_falling() -> None:
-    """Within half a turn either way, and as fast as links of a metre fall: before its joints this arm has no lengths."""
+    """Within half a turn either way, and as fast as a metre falls: this arm has no lengths before its joints."""
     p, v, a = _states(read("puma560_measured"))
     assert (p.min(), p.max()) == pytest.approx((-np.pi, np.pi), rel=0.05)
     assert np.abs(p).max() <= np.pi
