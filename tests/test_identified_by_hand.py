@@ -142,6 +142,7 @@ def test_rows_held_out_are_told_that_are_far_worse_than_those_fitted(
 def test_the_signs_of_all_torques_are_doubted_beside_that_of_each(joints: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(listed_hypotheses, "_mixing", MagicMock())
     monkeypatch.setattr(listed_hypotheses, "_Motion", MagicMock())
+    monkeypatch.setattr(listed_hypotheses, "turned_torques", lambda *given: ())
     rows = MagicMock()
     rows.evidence.mechanism.dof, rows.evidence.drives.motors = joints, [MagicMock()] * joints
     kinds = Counter(one.kind for one in listed_hypotheses._signs(rows))
