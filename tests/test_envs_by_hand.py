@@ -16,7 +16,7 @@ from adaptctl.envs.controlled import _share
 from adaptctl.envs.gain_tuning import GainRange
 from adaptctl.envs.learning import NormalisedView
 from adaptctl.envs.live import LiveView
-from adaptctl.envs.rendering import _floor_height, _grid, _pedestals
+from adaptctl.envs.rendering import _floor_height, _grid, _pedestals, _span
 from adaptctl.errors import GainError, InputError, NotFoundError
 
 
@@ -170,3 +170,10 @@ def test_observations_and_actions_of_learners_are_from_minus_one_to_one() -> Non
     for space, shape in ((seen, (7,)), (moved, (2,))):
         assert (space.shape, space.dtype) == (shape, np.float32)
         assert (set(space.low), set(space.high)) == ({-1.0}, {1.0})
+
+
+@pytest.mark.parametrize(
+    ("center", "rows"), [(1.0, (0, 4)), (5.2, (2, 9)), (9.5, (6, 10)), (-20.0, (0, 0)), (30.0, (10, 10))]
+)
+def test_a_window_ends_at_the_edges_of_the_image(center: float, rows: tuple[int, int]) -> None:
+    assert _span(np.array([center]), np.array([3.0]), 10) == slice(*rows)
