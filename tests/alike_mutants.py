@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 ALIKE = {
+    "experiments/replication/semi_direct_drive.py::table12 1 -> 2": "the first draw is looked at, of one or of two",
     "adaptctl/logs/parquet.py::<module> 2 ** 20 -> 2 * 20": "bytes that are read at a time",
     "adaptctl/logs/parquet.py::read_arrow False -> True": "threads read the same",
     "adaptctl/control/excitation/measure.py::persistent_excitation 0 -> 1": "a window of one sample is too short too",

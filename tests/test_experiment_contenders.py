@@ -11,7 +11,7 @@ import pytest
 from adaptctl.control import typical_inertia
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError, PhysicalConsistencyWarning
-from adaptctl.experiments import contact, identify_then_adapt
+from adaptctl.experiments import adaptive, contact, identify_then_adapt
 from adaptctl.experiments.adaptive import AdaptiveTracking
 from adaptctl.experiments.contact import Contact
 from adaptctl.experiments.contest import ADAPTATION_OFF, FULL, Contender
@@ -143,3 +143,14 @@ def test_a_soft_tool_moves_at_five_centimeters_a_second_against_ten_newtons(monk
 def test_a_gravity_that_is_none_is_refused_before_anything_is_tuned(text: str) -> None:
     with pytest.raises(InputError, match="gravity: expected three numbers"):
         AdaptiveTracking(gravity=text)
+
+
+@pytest.mark.parametrize("asked", [-0.05, 0.02, 0.9])
+def test_an_arm_begins_as_far_off_as_asked_and_a_tenth_of_its_ranges_at_most(
+    asked: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given: dict[str, Any] = {}
+    monkeypatch.setattr(adaptive, "tune", lambda mechanism, **chosen: given.update(chosen))
+    monkeypatch.setattr(adaptive, "motion_ranges", lambda mechanism: (np.array([-1.0, 0.0]), np.array([1.0, 0.3])))
+    adaptive._tuned.__wrapped__(AdaptiveTracking(robot="two_link", initial_error=asked), SMALL)
+    np.testing.assert_allclose(given["initial_error"], np.clip(asked, [-0.2, -0.03], [0.2, 0.03]))
