@@ -199,6 +199,22 @@ def test_what_is_large_is_on_disk_and_all_else_in_memory(rows: int, monkeypatch:
     assert len(given_back) == (4 + 4 + 1) * (rows == 3)  # a column at a time, and all rows at once
 
 
+@pytest.mark.parametrize(
+    ("large", "own", "in_batches"), [(0, {}, True), (0, {"sha256": "a"}, False), (2**30, {}, False)]
+)
+def test_large_files_are_read_in_batches_but_our_own_which_are_verified_whole(
+    large: int, own: dict[str, str], in_batches: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(on_disk, "LARGE", large)
+    rows = pa.table({"a": [1.0, 2.0], "b": pa.array([None, None], pa.int64())}).replace_schema_metadata(own)
+    pq.write_table(rows, path := tmp_path / "log.parquet")
+    found = parquet._long(path)
+    assert (found is not None) == in_batches
+    whole = parquet.arrow_table("log", rows)
+    assert np.isnan(whole.columns["b"]).all()  # whole numbers, of which there are none
+    assert found is None or found.columns["a"].tolist() == whole.columns["a"].tolist()
+
+
 def test_parquet_files_that_are_too_long_are_refused_before_they_are_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
