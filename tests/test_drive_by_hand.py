@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from inspect import signature
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,12 +10,17 @@ import numpy as np
 import pytest
 from driven_robots import ARM
 
+from adaptctl.cli.export import export
+from adaptctl.control import SafetyFilter, Sinusoids, SlotineLi
 from adaptctl.control.controller import ReferencePoint
-from adaptctl.hardware import HardwareLimits, LoopTimes, RobotReading, loop
+from adaptctl.errors import InputError
+from adaptctl.hardware import HardwareLimits, LoopTimes, RobotReading, drive, loop, udp_plant
+from adaptctl.hardware.checks import standing
 from adaptctl.hardware.lead_in import _lengths
 from adaptctl.hardware.loop import DriveLoop
 from adaptctl.hardware.measurements import Measurements
 from adaptctl.hardware.torque_guard import TorqueGuard
+from adaptctl.identifiability import ReducedModel
 
 PERIOD, REST = 0.01, np.zeros(2)
 LIMITS = HardwareLimits([50.0, 20.0], [2.0, 4.0], [-1.0, -2.0], [1.5, 2.0], 1000.0)
@@ -254,3 +260,28 @@ def test_lead_ins_are_as_documented_and_at_most_half_of_a_run() -> None:
     assert _lengths(40.0) == [3.0, 5.0, 8.0, 12.0, 20.0]
     assert _lengths(39.9) == [3.0, 5.0, 8.0, 12.0]
     assert _lengths(1.0) == [3.0]
+
+
+def test_an_arm_whose_measurements_are_not_sound_is_refused_with_the_last_fault() -> None:
+    faults = iter(["late", "not finite", *[""] * 48])
+    measurements: Any = SimpleNamespace(fault="")
+
+    def taken(now: RobotReading | None) -> None:
+        measurements.fault = next(faults)
+
+    measurements.taken = taken
+    with pytest.raises(InputError, match=r"^robot: 0 of 50 measurements were sound: not finite$"):
+        standing(Asked(), measurements, ["a", "b"], LIMITS)
+
+
+def test_code_is_compiled_before_an_arm_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot, model = Asked(), ReducedModel(ARM)
+    monkeypatch.setattr(SafetyFilter, "compile", lambda own: robot.asked.append("compile"))
+    law = SlotineLi(model, 4.0, [3.0, 0.5], initial=model.fundamental_parameters, control_period=PERIOD)
+    with pytest.raises(InputError, match="measurements were sound"):
+        drive(robot, law, Sinusoids(REST, REST + 0.1, REST + 0.5), 1.0)
+    assert robot.asked[:2] == ["compile", "read"]
+
+
+def test_the_simulated_arm_keeps_the_period_of_exported_code() -> None:
+    assert signature(export).parameters["control_period"].default == udp_plant.PERIOD

@@ -213,6 +213,7 @@ def test_runs_of_an_unknown_truth_claim_nothing_of_it(arm: adaptctl.Mechanism, t
     runs = runs_of(arm, len(model.names))
     compared = compared_runs(arm, runs, adaptation_off="bench, off")
     assert compared.title == f"{arm.name}: bench, learning"
+    assert [run.name for run in compared.runs] == [f"run{k}" for k in range(1, len(runs) + 1)]
     assert compared_runs(arm, runs, title="On the bench").title == "On the bench"
     assert judged(compared).passed
     told = shown(compared)
