@@ -118,6 +118,12 @@ ALIKE = {
     "abs(abs(a) - abs(b)) < EQUAL_COEFFICIENT_TOLERANCE * abs(b)": "coefficients differ by round-off or far more",
     "adaptctl/codegen/initialisation.py::start_of PROBE_DISTANCE * np.linspace(0.5, 1.0, law.dof) -> "
     "PROBE_DISTANCE / np.linspace(0.5, 1.0, law.dof)": "any positions aside tell what depends on them",
+    "adaptctl/tuning/verification.py::verifications farthest >= MAX_ERROR -> farthest > MAX_ERROR": (
+        "no error is its bound to the last bit"
+    ),
+    "adaptctl/tuning/feasible_reference.py::<module> 1e-06 -> 2e-06": (
+        "the step of a slope, along which a descent is rounded to three digits"
+    ),
     "adaptctl/compilation/stepper.py::Ensemble.run 0 -> 1": "no steps are a number that is checked once more",
     "adaptctl/scalars/scalar.py::logarithm 0.0 -> 1.0 (again 5)": "what is on no side of zero is zero or no number",
     "adaptctl/sweeps/search.py::search 1e+300 -> 2e+300": "errors are below both, and runs that failed above them",

@@ -34,6 +34,7 @@ from adaptctl.design import (
     sphere,
 )
 from adaptctl.design.bodies import ball_tens, ball_tens_slopes
+from adaptctl.design.counterweights import _beyond, _beyond_slopes
 from adaptctl.design.mounting_bounds import bounds
 from adaptctl.design.simplifications import by_symmetry, operations_saved
 from adaptctl.dynamics import Mechanism
@@ -279,6 +280,15 @@ def test_a_counterweight_of_a_gram_is_found() -> None:
     gram = MountingBounds("upper", np.array([-0.6, 0.0, 0.0]), np.zeros(3), 1e-3)
     (weight,) = optimal_counterweights(DesignTask.within_limits(adaptctl.load("two_link"), 20), [gram]).weights
     assert weight.mass == pytest.approx(1e-3)
+
+
+@pytest.mark.parametrize("kept", [None, 0, 2])
+def test_slopes_of_the_smallest_residuals_are_their_differences(kept: int | None) -> None:
+    residuals, slopes = np.array([3.0, -0.5, 2.0, 1.0]), np.random.default_rng(0).normal(size=(4, 2))
+    found = _beyond_slopes(residuals, slopes, kept)
+    for k, step in enumerate(1e-6 * np.eye(2)):
+        after, before = (_beyond(residuals + slopes @ way, kept) for way in (step, -step))
+        np.testing.assert_allclose(found[:, k], (after - before) / 2e-6, atol=1e-8)
 
 
 def test_a_task_without_energy_is_refused() -> None:

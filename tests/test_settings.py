@@ -126,6 +126,7 @@ def task() -> DesignTask:
         (lambda: ErrorFeedback(100.0, 20.0, 1e-3).loop(cast(Any, 0.5)), "delay in periods"),
         (lambda: simplifications(task(), [], density=0.0), "density: expected a positive number"),
         (lambda: MountingBounds.for_link(arm("puma560_arm3"), "link3").grid(0), "grid: points_per_edge"),
+        (lambda: MountingBounds.for_link(arm("puma560_arm3"), "link3").grid(101), "grid: points_per_edge"),
         (lambda: DesignTask.within_limits(arm("puma560_arm3"), cast(Any, 5.5)), "samples: expected a whole number"),
         (lambda: DesignTask.within_limits(arm("puma560_arm3"), 50, seed=-1), "seed: expected a whole number"),
         (lambda: DesignTask(arm("puma560_arm3"), *np.ones((3, 2, 30, 3)), ""), r"expected one shape \(samples, 3\)"),
