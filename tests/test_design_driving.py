@@ -13,7 +13,7 @@ from rerun.chunk import RrdReader
 from adaptctl.cli.main import main
 from adaptctl.design import DesignStudy, DesignTask, design_study
 from adaptctl.design.driving import DrivenArm, driven
-from adaptctl.design.report import change
+from adaptctl.design.report import _facts, change, quantities
 from adaptctl.dynamics import load
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import InputError
@@ -62,6 +62,12 @@ def test_a_run_is_that_of_the_environment(study: DesignStudy, runs: dict[str, Dr
     assert found.work == pytest.approx(float(power.sum()) * 1e-3, rel=1e-6)
     share = (alone.applied / tuning.torque_limits) ** 2
     assert found.rms_torque == pytest.approx(float(np.sqrt(share.sum(axis=1).mean())), rel=1e-6)
+
+
+def test_costs_are_facts_by_their_names(study: DesignStudy) -> None:
+    costs = [name.casefold() for name, _ in quantities(study.task, study.percent)]
+    told = [fact.question.casefold() for fact in _facts(study)]
+    assert told == [costs[0], *costs[2:6], "counterweights"]
 
 
 def test_counterweights_spare_the_motors(runs: dict[str, DrivenArm]) -> None:
