@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -39,6 +39,9 @@ HALVINGS = 7
 """times that gains are halved before none hold"""
 SLOWER = 2
 """times that the bandwidth is halved then, from the highest gains on"""
+SPRING_DAMPING = 0.3
+"""damping of springs over the gain on velocities: one joint behind a spring needs a quarter if motor and link weigh
+alike, and less otherwise"""
 LEAST_DAMPED = 4.0
 """least decay rate of velocities over the bandwidth: critical damping"""
 
@@ -134,14 +137,18 @@ def _lowered(rates: Rates) -> str:
     )
 
 
-def remedy(effects: Iterable[Effect]) -> str:
-    """Advice where no gains hold."""
-    springs = PlantEffects.of(effects).elastic
-    if springs is None or springs.encoders == MOTOR:
+def remedy(trials: Trials, gains: Gains) -> str:
+    """Advice where no gains hold, these among them."""
+    mechanism = trials.plant.mechanism
+    if not trials.behind_springs:
         return "choose another bandwidth, period or reference"
+    inertia = np.diagonal(mechanism.mass_matrix(trials.start))
+    least = SPRING_DAMPING * (gains.damping + inertia * gains.bandwidth)
+    where = mechanism.primary_joints[int(least.argmax())].name
     return (
         "a quarter of the bandwidth fails too, as springs that hardly damp swing with encoders behind them: state "
-        f"their damping, as ElasticJoints(damping=...), or encoders={MOTOR!r}, if motors are measured"
+        f"their damping, as ElasticJoints(damping=...), of which these gains need {least.max():.2g} at {where}, by "
+        f"linear equations, or encoders={MOTOR!r}, if motors are measured"
     )
 
 

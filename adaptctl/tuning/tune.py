@@ -264,8 +264,8 @@ class Tuning:
         """
         if self.failed:
             raise VerdictError(
-                f"{self.mechanism.name}: these gains fail in simulation ({self.verified[0]}): {remedy(self.effects)}, "
-                f"or use them anyway with {otherwise}"
+                f"{self.mechanism.name}: these gains fail in simulation ({self.verified[0]}): "
+                f"{remedy(self._trials, self.gains)}, or use them anyway with {otherwise}"
             )
 
 
