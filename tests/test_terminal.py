@@ -8,6 +8,8 @@ import subprocess
 import sys
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy
 import pytest
@@ -18,6 +20,7 @@ from nightly import nightly
 from rich.console import Console
 
 from adaptctl.cli.doctor import examined
+from adaptctl.cli.experiment import _computed
 from adaptctl.cli.main import main
 from adaptctl.cli.output import WrappedTable
 
@@ -111,6 +114,16 @@ def test_completion_knows_commands_experiments_and_flags_and_is_installed_unless
     subprocess.run(["bash", "-n", str(script)], check=True)
     assert main(words) == 0
     assert (installed, capsys.readouterr().out) == (["bash"], "Written: its place\nIt takes effect in new shells.\n")
+
+
+@pytest.mark.parametrize(("asked", "has", "drawn"), [(True, True, 1), (False, True, 0), (True, False, 0)])
+def test_figures_are_drawn_where_they_are_asked_for(asked: bool, has: bool, drawn: int, tmp_path: Path) -> None:
+    places: list[Path] = []
+    result = SimpleNamespace(complete=True, write=lambda *_: None, figures=places.append if has else None)
+    experiment: Any = SimpleNamespace(run=lambda progress: result)
+    interruption: Any = SimpleNamespace(heeded=lambda progress: progress, hold=lambda: None)
+    _computed(experiment, tmp_path, interruption, asked)
+    assert places == [tmp_path / "figures"] * drawn
 
 
 def test_experiments_are_told_as_json_and_notes_come_last(tmp_path: Path) -> None:
