@@ -170,7 +170,7 @@ class Tuning:
         Parameters
         ----------
         model : ReducedModel
-            Model of the mechanism.
+            Model of the mechanism. The default law needs the friction of the arm in it, as by `with_friction`.
         adaptation : bool or str, default True
             True for the default: "learning", the law of `learning_law`, and above 100 parameters "gradient", which is
             for small processors and theorems. False to switch adaptation off, for a comparison.
