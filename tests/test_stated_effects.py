@@ -15,16 +15,19 @@ from adaptctl.errors import InputError, TuningWarning, VerdictError
 from adaptctl.simulation import simulate_many
 from adaptctl.simulation.effects import ControlDelay, ElasticJoints, Encoder, FilteredDifferences
 from adaptctl.simulation.effects.effect import Effect
-from adaptctl.tuning import Tuning, stated_effects, tune, with_friction
+from adaptctl.tuning import Tuning, stated_effects, tune, verification, with_friction
 from adaptctl.tuning.default_gains import DefaultGains, Proposal
-from adaptctl.tuning.stated_effects import HALVINGS, SPRING_DAMPING, Rates, held, holds, late_share, plant_with, remedy
+from adaptctl.tuning.stated_effects import HALVINGS, SPRING_DAMPING, Rates, held, late_share, plant_with, remedy
 from adaptctl.tuning.verification import (
+    LINK_ERROR,
     OTHER_STARTS,
     Trials,
     TrialSetting,
     Verification,
     base_model,
+    holds,
     other_arms,
+    scaled,
     verifications,
 )
 from benchmarks.stability import random_arm
@@ -124,6 +127,36 @@ def test_runs_that_do_not_forget_their_starts_do_not_hold() -> None:
     assert not holds(swinging)
     assert str(swinging) == "nominal: failed, springs swing by 0.5 mrad in the end"
     assert holds(replace(swinging, spread=3e-4))
+
+
+def test_lighter_links_behind_strong_dampers_are_integrated_stably() -> None:
+    rule = DefaultGains.for_mechanism(ARM)
+    trials = Trials(
+        plant_with(ARM, 1e-3, rule.limits, [ElasticJoints(200.0, 160.0, 0.02)]), rule.reference, rule.initial_error
+    )
+    gains = rule.carried(2.0, 0.1).gains
+    light = scaled(ARM, np.full(len(ARM.links), 1.0 - LINK_ERROR))
+    setting = TrialSetting(gains.bandwidth, gains.damping, rule.proposed(*ASKED, "mixed").gain, light)
+    assert trials.without(base_model(ARM), [setting], 1.0).largest_error.max() < 1.0
+
+
+@pytest.mark.parametrize(("look", "runs"), [(2.0, 1), (6.0, 0)])
+def test_springs_are_tried_from_other_starts_at_last(monkeypatch: pytest.MonkeyPatch, look: float, runs: int) -> None:
+    asked: list[Any] = []
+
+    def spread(*given: Any) -> float:
+        asked.append(given)
+        return 0.0
+
+    monkeypatch.setattr(verification, "_spread", spread)
+    monkeypatch.setattr(verification, "FIRST_LOOK", look)
+    rule = DefaultGains.for_mechanism(ARM)
+    plant = plant_with(ARM, 1e-3, rule.limits, [ElasticJoints(2000.0, 5.0, 0.02)])
+    first = rule.proposed(4.0, 0.05, 0.05, "mixed")
+    trials = Trials(plant, rule.reference, rule.initial_error, nominal_only=True)
+    found = verifications(trials, base_model(ARM), first.feasible.gains, first.gain, 0, 6.0)
+    assert holds(found[0])
+    assert len(asked) == runs
 
 
 def test_only_encoders_behind_springs_are_told_of_their_damping() -> None:

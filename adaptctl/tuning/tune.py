@@ -35,7 +35,7 @@ from adaptctl.tuning.feasible_gains import MIN_BANDWIDTH, FeasibleGains, limitat
 from adaptctl.tuning.feasible_reference import TORQUE_SHARE, FeasibleReference
 from adaptctl.tuning.learning_rule import MAX_LEARNED, learning_by_rule, slotine_li
 from adaptctl.tuning.rotors import rotor_note
-from adaptctl.tuning.stated_effects import Held, Rates, gradient_run, held, holds, late_share, plant_with, remedy
+from adaptctl.tuning.stated_effects import Held, Rates, gradient_run, held, late_share, plant_with, remedy
 from adaptctl.tuning.verification import (
     LINK_ERROR,
     MAX_ERROR,
@@ -45,6 +45,7 @@ from adaptctl.tuning.verification import (
     Verification,
     base_model,
     delay_of,
+    holds,
     measures,
     scaled_links,
 )
