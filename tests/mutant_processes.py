@@ -61,8 +61,12 @@ def first_and_last(items: Iterable[pytest.Item]) -> list[pytest.Item]:
 def run(test_files: Iterable[str], plugins: list[object], folder: str) -> int:
     """Exit code of pytest on test files, in this process.
 
-    What the library keeps from one process to the next is kept in a folder of this version of the code alone.
+    What the library keeps from one process to the next, and what a change writes at home, is kept in a folder of this
+    version of the code alone.
     """
+    for name in [name for name in os.environ if name.startswith("XDG_")]:
+        del os.environ[name]
+    os.environ["HOME"] = folder
     os.environ["PYTHONPATH"] = os.pathsep.join([str(CHILDREN), *filter(None, [os.environ.get("PYTHONPATH")])])
     os.environ["ADAPTCTL_CACHE"] = f"{folder}/cache"
     change_modules()
