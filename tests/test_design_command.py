@@ -16,6 +16,7 @@ from adaptctl.cli.main import main
 from adaptctl.design import DesignTask, added_mass, design_study, gripper
 from adaptctl.design.picture import colors, norm, spots
 from adaptctl.dynamics import load
+from adaptctl.errors import InputError
 from adaptctl.recording.skeleton import skeleton
 
 QUICK = ("--samples", "100")
@@ -50,6 +51,19 @@ def test_the_report_is_for_a_person(capsys: pytest.CaptureFixture[str]) -> None:
     text = " ".join(capsys.readouterr().out.split())
     for told in ("2 kg on wrist_3_link", "Counterweights that minimise the energy", "Eliminated parameters", "36"):
         assert told in text
+
+
+@pytest.mark.parametrize("folder", [True, False])
+def test_what_a_folder_needs_is_missed_first_and_for_a_folder_alone(
+    folder: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def missing() -> None:
+        raise InputError("a package is missing")
+
+    monkeypatch.setattr("adaptctl.optional_packages.validate_for_results", missing)
+    line = ("--out", str(tmp_path / "study")) if folder else ()
+    assert main(["design", "puma560_measured", "--samples", "1", *line]) == 2
+    assert ("a package is missing" in capsys.readouterr().err) == folder
 
 
 @nightly

@@ -108,6 +108,15 @@ def with_states(count: int) -> DesignTask:
     return DesignTask(task().mechanism, task().p[:count], task().v[:count], task().a[:count], "")
 
 
+def test_a_task_keeps_its_own_states() -> None:
+    given = task().p.copy()
+    made = DesignTask(task().mechanism, given, task().v.tolist(), task().a, "")
+    given[:] = 0.0
+    np.testing.assert_array_equal(made.p, task().p)
+    np.testing.assert_array_equal(made.v, task().v)
+    assert not made.p.flags.writeable
+
+
 WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "seed -1": (lambda: optimal_counterweights(task(), [third()], seed=-1), "seed: expected a whole number from 0"),
     "seed text": (lambda: optimal_counterweights(task(), [third()], seed=OTHER), "seed: expected a whole number"),

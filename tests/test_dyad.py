@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +21,7 @@ from adaptctl.compilation import Op, compile_function
 from adaptctl.description import GROUND, Closure, ClosureKind, Coupling, Description, Joint, Link, Loops, Pose
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.loop_equations import LoopEquations
-from adaptctl.dynamics.loops.dyad import Dyad
+from adaptctl.dynamics.loops.dyad import Dyad, _rule
 from adaptctl.errors import SingularityError
 from adaptctl.scalars import Column, Dual, angle, column, cos, sin
 from adaptctl.simulation import Plant
@@ -187,6 +189,14 @@ def test_each_cut_of_a_dyad_is_found() -> None:
     cuts = {kind: [rule.is_cut_in_the_middle for rule in equations(of_kind(kind)[0]).rules if isinstance(rule, Dyad)]
             for kind in KINDS}  # fmt: skip
     assert list(cuts.values()) == [[False], [False], [True], []]
+
+
+def test_a_dyad_between_two_cranks_is_of_the_outer_joints(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("adaptctl.dynamics.loops.dyad._dyad", lambda sides, joints, places: joints)
+    loop: Any = SimpleNamespace(first=SimpleNamespace(links=(0, 1)), second=SimpleNamespace(links=(2, 3)))
+    assert _rule(loop, {0, 2}, {}) == (1, 3)
+    assert _rule(loop, {0, 1}, {}) == (2, 3)
+    assert _rule(loop, {0}, {}) is None
 
 
 @pytest.mark.parametrize("recipe", ["planar weld", "spatial point", "spatial hinge", "spatial weld"])

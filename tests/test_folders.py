@@ -49,6 +49,15 @@ def test_a_folder_appears_whole_and_is_replaced_whole(tmp_path: Path) -> None:
     assert names(place.parent) == {"out"}
 
 
+def test_the_folder_above_is_written_through_once_the_new_one_is_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flushed: list[tuple[Path, set[str]]] = []
+    monkeypatch.setattr("adaptctl.folders.flush", lambda path: flushed.append((path, names(tmp_path))))
+    written(tmp_path / "out", "1")
+    assert flushed[-1] == (tmp_path, {"out"})
+
+
 @pytest.mark.parametrize("failure", [RuntimeError, KeyboardInterrupt, OSError])
 def test_a_failed_folder_leaves_the_old_one_and_nothing_else(tmp_path: Path, failure: type[BaseException]) -> None:
     written(tmp_path / "out", "old")

@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 from adaptctl.cli.memory import COLLECTED_AFTER, collecting_seldom
+from adaptctl.hardware.timing import without_collections
 
 SCRIPT = """
 import atexit, gc
@@ -33,3 +34,15 @@ def test_thresholds_are_raised_within_a_command_alone() -> None:
 def test_a_process_ends_without_a_last_search() -> None:
     done = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=True)
     assert done.stdout.split()[2:] == ["True", "True"]
+
+
+def test_a_loop_is_not_stopped_to_collect_and_leaves_it_as_it_was() -> None:
+    was = gc.isenabled()
+    try:
+        for switch, on in ((gc.enable, True), (gc.disable, False)):
+            switch()
+            with without_collections():
+                assert not gc.isenabled()
+            assert gc.isenabled() == on
+    finally:
+        gc.enable() if was else gc.disable()

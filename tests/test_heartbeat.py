@@ -79,6 +79,15 @@ def test_compilation_is_named_and_no_line_is_longer_than_the_terminal() -> None:
     assert shown.endswith("\r\x1b[K")
 
 
+def test_a_terminal_that_does_not_tell_its_width_has_80_columns(monkeypatch: pytest.MonkeyPatch) -> None:
+    def untold(stream: int) -> os.terminal_size:
+        raise OSError
+
+    for width in (untold, lambda stream: os.terminal_size((0, 0))):
+        monkeypatch.setattr(os, "get_terminal_size", width)
+        assert module._columns() == 80
+
+
 def piped(program: str) -> tuple[str, list[str]]:
     done = subprocess.run(
         [sys.executable, "-c", BEGIN + program], capture_output=True, text=True, timeout=60, check=True

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pytest
+from matplotlib import rc_context
 
 from adaptctl.errors import FileError, InputError
+from adaptctl.recording.drawing import STYLE
 from adaptctl.sweeps import rows as rows_module
 from adaptctl.sweeps.cluster import Cluster, _validate_workers
 from adaptctl.sweeps.folder import Folder, Saved, read_table, write_checked
@@ -46,14 +48,17 @@ def test_a_map_has_mean_errors_and_shares_of_stable_runs() -> None:
     assert (found.x, found.y, found.across, found.down) == ("seed", "payload", [1, 2], [0.0, 2.0])
     np.testing.assert_array_equal(found.error, [[2.0, 5.0], [7.0, 6.0]])
     np.testing.assert_array_equal(found.stable, [[1.0, 1.0], [0.5, 0.5]])
+    with rc_context(STYLE):
+        figure = map_figure(found)
     for axes, shown, title in zip(
-        map_figure(found).axes[:2], (found.error, found.stable), ("final error", "fraction"), strict=True
+        figure.axes[:2], (found.error, found.stable), ("final error", "fraction"), strict=True
     ):
         (image,) = axes.images
         np.testing.assert_array_equal(np.ma.filled(image.get_array(), np.nan), shown)
-        assert axes.get_title().startswith(title)
+        assert axes.get_title("left").startswith(title)
         assert (axes.get_xlabel(), axes.get_ylabel()) == ("seed", "payload")
         assert [tick.get_text() for tick in axes.get_yticklabels()] == ["0", "2"]
+        assert not any(line.get_visible() for line in axes.get_xgridlines() + axes.get_ygridlines())
     assert image.get_clim() == (0.0, 1.0)  # so that maps can be compared
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import shlex
+from contextlib import nullcontext
 from dataclasses import fields
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pyarrow as pa
@@ -14,7 +16,8 @@ from nightly import nightly
 from adaptctl.cli.main import main
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.experiments.adaptive import AdaptiveTracking
-from adaptctl.sweeps.folder import table
+from adaptctl.sweeps.cluster import sweep
+from adaptctl.sweeps.folder import Folder, table
 from adaptctl.sweeps.report import SweepReport
 from adaptctl.sweeps.rows import rows_of, validate_controllers
 from adaptctl.sweeps.search import BestSettings, write_settings
@@ -68,6 +71,30 @@ def test_draws_pick_true_or_false() -> None:
     assert all(isinstance(run["as_written"], bool) for run in made.runs())
     entry = next(entry for entry in fields(made.kind) if entry.name == "as_written")
     assert [made._drawn(entry, share) for share in (0.0, 0.49, 0.51, 1.0)] == [False, False, True, True]
+
+
+def test_a_sweep_tells_the_share_of_shards_that_are_kept_and_lets_each_go(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shares: list[float] = []
+    released: list[str] = []
+
+    class Client:
+        def submit(self, run: Any, *given: Any, key: str, **how: Any) -> Any:
+            return SimpleNamespace(key=key, result=lambda: run(*given), release=lambda: released.append(key))
+
+    monkeypatch.setattr("distributed.as_completed", iter)
+    own: Any = SimpleNamespace(client=lambda: nullcontext(Client()))
+    folder = Folder.opened(tmp_path, study(seed="0,1"), 1, [])
+    first, again = (sweep(folder, own, shares.append) for _ in range(2))
+    assert shares == [0.0, 0.5, 1.0, 1.0]
+    assert len(set(released)) == 2
+    assert first.equals(again)
+
+
+def test_a_range_has_so_many_values_at_most() -> None:
+    with pytest.raises(InputError, match="from 2 to 1000000 values"):
+        study(bandwidth="4..6:1000001")
 
 
 def test_a_range_has_two_ends() -> None:

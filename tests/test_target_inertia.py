@@ -136,6 +136,16 @@ def swing(law: Any, stiffness: float, seconds: float) -> Array:
     return np.array(sizes).reshape(10, -1).max(axis=1)
 
 
+def test_each_of_few_postures_is_judged(monkeypatch: pytest.MonkeyPatch) -> None:
+    judged: list[Array] = []
+    monkeypatch.setattr(
+        "adaptctl.control.impedance.validate_inertia", lambda name, loop, most: judged.append(loop.mass)
+    )
+    postures = np.array([HOME, [0.0, 3.0]])
+    joints(0.6 * OWN, workspace=Workspace.along(model().mechanism, postures, margin=1e-6))
+    np.testing.assert_allclose(judged, [model().mechanism.mass_matrix(postures)])
+
+
 @nightly
 def test_what_is_accepted_comes_to_rest_between_springs_and_what_is_refused_swings(
     monkeypatch: pytest.MonkeyPatch,

@@ -58,6 +58,10 @@ def test_a_curve_is_where_its_numbers_are() -> None:
     np.testing.assert_allclose(curve(figure.svg()), wanted, atol=0.11)
 
 
+def test_curves_end_a_twentieth_of_their_range_before_the_axes() -> None:
+    assert Axis().limits([np.array([2.0, 12.0])]) == pytest.approx((1.5, 12.5))
+
+
 def test_a_logarithmic_scale_is_one_and_has_no_place_for_zero() -> None:
     figure = Sheet(9.2, 3.0)
     axes = figure.subplots()
