@@ -131,6 +131,13 @@ def lossy(log: Log) -> Log:
     return replace(log, time=log.time[: kept.sum()], position=log.position[kept], torque=log.torque[kept])
 
 
+def thinned(log: Log, every: int = 2) -> Log:
+    """The log at a lower rate from its middle on, at the stamps of the rate before."""
+    half = len(log.time) // 2
+    kept = np.r_[:half, half : len(log.time) : every]
+    return replace(log, time=log.time[: len(kept)], position=log.position[kept], torque=log.torque[kept])
+
+
 def copied(log: Log) -> Log:
     torque = log.torque.copy()
     torque[:, 2] = torque[:, 1]
@@ -236,6 +243,7 @@ FAULTS: dict[str, tuple[Change, str]] = {
         "the position of joint '{two}' steps by 0[.](49|5)[0-9]* (rad|m) in row 2001, at 10 s, and stays there",
     ),
     "rows lost at even stamps": (lossy, "in [0-9]+ rows, the first row [0-9]+, .*, all joints move .* times as far"),
+    "a sampling rate that changes": (thinned, "from (10|9[.]99)[0-9]* s on, all joints at once move (2|1[.]9) times"),
     "a copied column": (copied, "the torques of joints '{two}' and '{three}' are equal in all rows"),
     "absolute values": (
         partial(put, what="torque", rows=slice(None), value=np.abs),

@@ -164,8 +164,8 @@ LISTED: tuple[Listed, ...] = (
     Listed(
         "arm at rest only after a second",
         "adaptctl/identification/preparation.py",
-        "0.01, 1e-3, 0.1",
-        "0.01, 1e-3, 1.0",
+        "MIN_REST_TIME = 0.01, 0.1",
+        "MIN_REST_TIME = 0.01, 1.0",
         ("tests/test_identification_by_hand.py::test_pauses_of_a_tenth_of_a_second_or_more_are_dropped",),
     ),
     Listed(
@@ -596,16 +596,16 @@ LISTED: tuple[Listed, ...] = (
     ),
     Listed(
         "velocities a fifth off pass",
-        "adaptctl/identification/preparation.py",
+        "adaptctl/identification/logged_velocities.py",
         "MAX_VELOCITY_DIFFERENCE = 0.1",
         "MAX_VELOCITY_DIFFERENCE = 0.2",
         ("tests/test_identification_by_hand.py::test_velocities_may_be_a_tenth_off",),
     ),
     Listed(
         "a hundredth of a rad per second is rest",
-        "adaptctl/identification/preparation.py",
-        "0.01, 1e-3, 0.1",
-        "0.01, 1e-2, 0.1",
+        "adaptctl/identification/logged_velocities.py",
+        "REST_SPEED = 1e-3",
+        "REST_SPEED = 1e-2",
         (
             "tests/test_identification_by_hand.py::test_an_arm_slower_than_a_hundredth_of_its_speed_or_a_milliradian_rests",
         ),
@@ -613,8 +613,8 @@ LISTED: tuple[Listed, ...] = (
     Listed(
         "a tenth of the greatest speed is rest",
         "adaptctl/identification/preparation.py",
-        "0.01, 1e-3, 0.1",
-        "0.1, 1e-3, 0.1",
+        "MIN_REST_TIME = 0.01, 0.1",
+        "MIN_REST_TIME = 0.1, 0.1",
         (
             "tests/test_identification_by_hand.py::test_an_arm_slower_than_a_hundredth_of_its_speed_or_a_milliradian_rests",
         ),

@@ -255,7 +255,7 @@ def test_an_arm_slower_than_a_hundredth_of_its_speed_or_a_milliradian_rests(
     time = np.arange(0.0, 5.0, 1.0 / RATE)
     slow = share * max(0.01 * greatest, 1e-3)
     log = log_of(time, greatest * np.minimum(time, 2.0) + slow * np.maximum(time - 2.0, 0.0))
-    (piece,), _ = prepare(log, limited())
+    (piece,), _ = prepare(log, limited(), ("resample",))  # whose check takes steps of all speeds for the rate's
     assert bool(piece.moving[time > 2.5].all()) is moves
     assert bool(piece.moving[time > 2.5].any()) is moves
     assert piece.moving[time < 1.9].all()

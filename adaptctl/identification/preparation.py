@@ -17,9 +17,11 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.identification.columns import JointLog
 from adaptctl.identification.convolution import convolved, windowed_sinc
-from adaptctl.identification.exchanged_columns import exchanged_words
+from adaptctl.identification.exchanged_columns import are_velocities, exchanged_words
 from adaptctl.identification.late_stamps import are_even
+from adaptctl.identification.logged_velocities import REST_SPEED, compared_velocities, whole_columns
 from adaptctl.identification.position_faults import other_unit
+from adaptctl.identification.rate_change import validate_one_rate
 from adaptctl.logs.on_disk import each_column, of_columns, release, rowwise
 
 # Length of a kernel, in periods of its cut-off.
@@ -72,11 +74,9 @@ def _thinned(values: Array, weights: Array, every: int) -> Array:
 
 # Shares of a sampling period: deviation of stamps that still count as even, and step that is a hole in the log.
 MAX_JITTER, MIN_GAP_PERIODS = 0.01, 8.0
-# Largest relative difference of logged velocities from differentiated positions.
-MAX_VELOCITY_DIFFERENCE = 0.1
-# A joint slower than this share of its greatest speed, or so many rad/s (m/s), rests; when all do for so many s, the
+# A joint slower than this share of its greatest speed, or than a speed of rest, rests; when all do for so many s, the
 # arm is at rest.
-REST_SPEED_SHARE, REST_SPEED, MIN_REST_TIME = 0.01, 1e-3, 0.1
+REST_SPEED_SHARE, MIN_REST_TIME = 0.01, 0.1
 # Factor on the greatest speed, and excess in rad or m over the range, that a robot's file allows.
 MAX_SPEED_RATIO, MAX_RANGE_EXCESS = 3.0, 0.25
 # rad of a turn, and of a step beside jumps by full turns from which these cannot be told.
@@ -128,10 +128,12 @@ def prepare(
     if "resample" not in skip:
         done = [_resampled(piece) for piece in pieces]
         pieces = [piece for piece, _ in done]
+        for piece in pieces:
+            validate_one_rate(piece)
         steps.append(PreparationStep("resample", _resampling([how for _, how in done], len(pieces))))
     speeds = [_speed(piece) for piece in pieces]
     if "velocities" not in skip:
-        steps.append(PreparationStep("velocities", _compared(log.source, pieces, speeds, mechanism)))
+        steps.append(PreparationStep("velocities", compared_velocities(log.source, pieces, speeds, mechanism)))
     if "limits" not in skip:
         steps.append(PreparationStep("limits", _within_limits(log.source, pieces, speeds, mechanism)))
     moving = [np.ones(len(piece), dtype=np.bool_) for piece in pieces]
@@ -284,64 +286,22 @@ def _filtered_in_parts(column: Array, kernel: Array) -> Array:
     return np.concatenate(parts)
 
 
-def _compared(source: str, logs: list[JointLog], speeds: list[Array], mechanism: Mechanism) -> str:
-    logged = [log.velocity for log in logs if log.velocity is not None]
-    if len(logged) < len(logs):
-        return "no logged velocities"
-    pairs = zip(_whole_columns(logged), _whole_columns(speeds), strict=True)
-    ratios = np.array([_ratio(*pair) for pair in pairs])
-    for joint, ratio in zip(mechanism.primary_joints, ratios.tolist(), strict=True):
-        if not abs(ratio - 1.0) <= MAX_VELOCITY_DIFFERENCE:
-            raise InputError(
-                f"{source}: joint {joint.name!r}: logged velocities are {ratio:.4g} times the differentiated "
-                f"positions{_explained(ratio)}; give the right units, or omit the velocities"
-            )
-    return f"logged velocities are {ratios.min():.3f} to {ratios.max():.3f} of differentiated positions"
-
-
-def _ratio(logged: Array, found: Array) -> float:
-    """Factor of logged velocities over found ones; 1 where both rest."""
-    if max(np.abs(found).max(), np.abs(logged).max()) <= REST_SPEED:
-        return 1.0
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return float((logged * found).sum() / np.square(found).sum())
-
-
-def _whole_columns(parts: Sequence[Array]) -> Iterator[Array]:
-    """Columns of parts (n, k) that follow each other, one column after the other."""
-    each = zip(*map(each_column, parts), strict=True)
-    return (own[0] if len(own) == 1 else np.concatenate(own) for own in each)
-
-
-def _explained(ratio: float) -> str:
-    likely = {
-        57.29578: "velocities in deg/s, or positions in rad taken for deg",
-        1.0 / 57.29578: "positions in deg taken for rad, or velocities in rad/s taken for deg/s",
-        1000.0: "time in s taken for ms",
-        0.001: "time in ms taken for s",
-        1e6: "time in s taken for us",
-        1e-6: "time in us taken for s",
-        9.549297: "velocities in rpm",
-        1.0 / 9.549297: "velocities in rad/s taken for rpm",
-    }
-    near = [text for value, text in likely.items() if abs(abs(ratio) / value - 1.0) < MAX_VELOCITY_DIFFERENCE]
-    turned = "one of them has the wrong sign" if ratio < 0.0 else ""
-    return "".join(f": {text}" for text in (near[:1] or [turned]) if text)
-
-
 def _within_limits(source: str, logs: list[JointLog], speeds: list[Array], mechanism: Mechanism) -> str:
     """Speeds and positions against the robot's limits: wrong units and other robots show there."""
-    fastest = [np.percentile(np.abs(own), 99.0) for own in _whole_columns(speeds)]
+    fastest = [np.percentile(np.abs(own), 99.0) for own in whole_columns(speeds)]
     lower, upper = whole_ends([log.position for log in logs])
     for j, joint in enumerate(mechanism.primary_joints):
         limits, low, high, trouble = joint.limits, float(lower[j]), float(upper[j]), ""
         release()
         strongest = max(float(np.percentile(np.abs(log.torque[:, j]), 99.0)) for log in logs)
         if fastest[j] > MAX_SPEED_RATIO * limits.velocity:
+            unit = "deg" if joint.kind.is_revolute else "mm"
+            cause = f"check the gear ratio, and whether positions are in {unit} or times in ms"
+            if are_velocities([(log.time, log.position) for log in logs], mechanism.primary_joints):
+                cause = f"are positions velocities, as which all joints' are within the limits? Else {cause}"
             trouble = (
                 f"moves at {fastest[j]:.3g} {joint.kind.position_unit}/s, but the limit of the robot is "
-                f"{limits.velocity:.3g}; check the gear ratio, and whether positions are in "
-                f"{'deg' if joint.kind.is_revolute else 'mm'} or times in ms"
+                f"{limits.velocity:.3g}; {cause}"
             )
         elif low < limits.lower - MAX_RANGE_EXCESS or high > limits.upper + MAX_RANGE_EXCESS:
             trouble = (
