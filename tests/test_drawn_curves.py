@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from comparisons import PERIOD, comparison
+from random_trees import random_chain
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import load
@@ -19,6 +20,7 @@ from adaptctl.recording import Comparison, motion_recording
 from adaptctl.recording.contact_force import contact_forces, contact_points
 from adaptctl.recording.drawing import thinned
 from adaptctl.recording.figures import drawings, spectrum
+from adaptctl.recording.rerun_recording import MAX_OVERVIEW_PARAMETERS, _estimates
 from adaptctl.recording.touches import touches
 from adaptctl.simulation.mujoco_plant import TOUCH_FLAGS
 
@@ -77,6 +79,8 @@ def test_falls_of_the_lyapunov_function_are_drawn_where_they_end(shown: Comparis
     np.testing.assert_allclose(falls[1], np.where(steps < 0.0, -steps, np.nan))
     np.testing.assert_allclose(rises[0], [time[700]])
     np.testing.assert_allclose(rises[1], [0.5])
+    whole_run = (0.0, shown.subject.duration)
+    assert [axes.get_xlim() for axes in drawings(risen)["lyapunov"].draw().axes] == [whole_run] * 2
 
 
 def test_torques_and_estimates_are_those_of_the_run(shown: Comparison) -> None:
@@ -92,6 +96,13 @@ def test_torques_and_estimates_are_those_of_the_run(shown: Comparison) -> None:
     largest = int(np.argmax(np.abs(shown.true_parameters)))
     time, height = curves(shown, "parameters", 0)[-1]
     np.testing.assert_allclose(height, np.interp(time, run.time, run.estimate[:, largest]), rtol=1e-9)
+
+
+def test_the_overview_has_the_estimates_that_move_most() -> None:
+    arm = comparison(random_chain(1, 3), samples=100)
+    overview = next(one for one in _estimates(arm) if one.path == "estimate/most_learnt/estimate")
+    moved = np.sort(np.ptp(arm.subject.rollout.estimate, axis=0))[-MAX_OVERVIEW_PARAMETERS:]
+    np.testing.assert_array_equal(np.sort(np.ptp(overview.values, axis=0)), moved)
 
 
 def test_a_spectrum_tells_how_far_its_rank_is_above_the_rest() -> None:

@@ -100,6 +100,11 @@ def report(complete: bool = True) -> Report:
     )
 
 
+def test_files_without_tables_are_a_recording_a_summary_and_figures() -> None:
+    (table,) = files_section("All.", "Numbers.").parts
+    assert [row[0] for row in table.rows] == ["recording.rrd", "summary.json", "figures/"]
+
+
 def test_every_cell_is_in_the_page_and_nothing_is_taken_for_markup() -> None:
     html = report().html({})
     read = Read(html)

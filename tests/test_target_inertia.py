@@ -23,6 +23,7 @@ from adaptctl.envs.contact import TOOL as CONTACT_TOOL
 from adaptctl.errors import GainError, InputError
 from adaptctl.experiments.contact import Contact
 from adaptctl.hardware import ForceReading
+from adaptctl.hardware.force_sensor import ForceSensor, validate_felt
 from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation import HandPush
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant
@@ -191,6 +192,15 @@ def test_a_wrench_acts_on_joints_as_mujocos_does() -> None:
         point = data.xpos[link] + 0.1
         mujoco.mj_applyFT(plant._scene._model, data, wrench[:3], wrench[3:], point, link, found)
         assert WrenchTorque(arm)(p, wrench, point) == pytest.approx(found, abs=1e-9)
+
+
+def test_a_force_without_its_point_drives_no_inertia() -> None:
+    law, sensor = joints(0.6 * OWN, workspace=AT_HOME), ForceSensor(None, 1.0)
+    for silent in (None, sensor):
+        with pytest.raises(InputError, match="no force with its point"):
+            validate_felt(law, silent)
+    sensor.point = np.zeros(3)
+    validate_felt(law, sensor)
 
 
 class SensingRobot(RecordedRobot):

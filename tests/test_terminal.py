@@ -22,7 +22,7 @@ from rich.console import Console
 from adaptctl.cli.doctor import examined
 from adaptctl.cli.experiment import _computed
 from adaptctl.cli.main import main
-from adaptctl.cli.output import WrappedTable
+from adaptctl.cli.output import WrappedTable, titled
 
 ARM = "puma560_arm3"
 EXPERIMENT = ("experiment", "run", "adaptive", "--robot", ARM, "--duration", "0.05")
@@ -52,6 +52,11 @@ def test_tables_lose_no_number_whatever_the_width(width: int, rows: list[list[fl
     for i, row in enumerate(texts):
         shown = [word for line in lines if line.split()[:1] == [f"j{i}"] for word in line.split()[1:]]
         assert shown == row
+
+
+def test_what_is_below_a_title_is_indented_and_stands_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    Console(width=20).print(titled("Title", "one", "two"))
+    assert [line.rstrip() for line in capsys.readouterr().out.splitlines()] == ["", "Title", "  one", "  two"]
 
 
 def validate_whole(found: dict[str, object], text: str) -> None:
