@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import re
+from functools import partial
 from pathlib import Path
 
+import faulty_logs
+import numpy as np
 import pytest
-from faulty_logs import FAULTS, pattern, told
+from faulty_logs import FAULTS, pattern, put, told
 from nightly import mostly_at_night, nightly
 
 PAGE = Path(__file__).parents[1] / "docs" / "identification.md"
@@ -38,6 +41,17 @@ def test_the_sign_of_all_torques_is_told_among_many_meanings_that_least_squares_
 ) -> None:
     kind = "sign of all torques"
     assert re.search(pattern(6, kind, SEED), told(6, kind, tmp_path, SEED))
+
+
+@nightly
+def test_a_sign_that_turns_is_told_of_one_joint_of_many(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kind = "a sign that turns"
+    monkeypatch.setattr(faulty_logs, "JOINT", 6)
+    half = partial(put, what="torque", rows=slice(2000, None), value=np.negative)
+    monkeypatch.setitem(FAULTS, kind, (half, ""))
+    assert re.search(
+        r"column 'torque.joint6' has the other sign from (10|9[.]9)[.0-9]* s on", told(7, kind, tmp_path, 5)
+    )
 
 
 def test_a_right_log_is_told_nothing(tmp_path: Path) -> None:

@@ -149,7 +149,8 @@ def _signs(rows: HypothesisRows) -> Iterator[Hypothesis]:
         log = f" of {turn.source}" if len(rows.sources) > 1 else ""
         words = f"column {motors[turn.joint].torque!r}{log} has the other sign from {turn.time:.4g} s on"
         remedy = "negate it there, or cut the log there"
-        yield Hypothesis("a sign that turns", words, remedy, partial(replace, turn.equations))
+        turned = partial(replace, turn.equations)
+        yield Hypothesis("a sign that turns", words, remedy, turned, margin=LEAST_MARGIN)  # agrees before and after
     if len(motors) > 1:
         yield Hypothesis(
             "sign of all torques", "all torques have the other sign", "negate them", partial(rows.mixed, -one)
