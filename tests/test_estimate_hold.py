@@ -164,6 +164,24 @@ def test_a_gain_is_lowered_to_half_of_what_a_delay_leaves_at_rest(delay: int) ->
     assert largest == pytest.approx(0.5 * stable_adaptation_below(h, delay))
 
 
+def test_gains_that_a_fall_under_gravity_precedes_are_told_with_a_delay() -> None:
+    """Which an estimate of zero does not hold at an error of 1 rad."""
+    model, gains = wrist()
+    arm = model.mechanism
+    gravity = np.abs([arm.inverse_dynamics(p, 0.0 * p, 0.0 * p) for p in everywhere(arm).samples]).max(axis=0)
+    errors = gravity / (0.3 * gains.damping * gains.bandwidth)
+    farthest = arm.primary_joints[int(errors.argmax())].name
+
+    def given(share: float) -> dict[str, Any]:
+        held = Gains(share * errors.max() * gains.bandwidth, 0.3 * gains.damping)
+        return {"gains": held, "control_period": PERIOD, "gain_scale": 1e-6}
+
+    adaptation_gain(model, delay=1, **given(1.01))  # warns of nothing
+    adaptation_gain(model, **given(0.5))
+    with pytest.warns(TuningWarning, match=f"gravity at {farthest} only with an error of 2 rad"):
+        adaptation_gain(model, delay=1, **given(0.5))
+
+
 def test_gains_that_a_delay_makes_unstable_are_refused_with_the_most_that_holds() -> None:
     model, gains = wrist()
     with pytest.raises(GainError, match=r"and a delay of 2, so no .* the limit 0\.618; use") as told:

@@ -169,6 +169,7 @@ def _largest_distance(gamma: Array, bound: Array) -> float:
 
 SAMPLING_RATIO_SHARE = 0.2  # for each parameter, of what the gains leave below the limit of stability
 ADAPTATION_RATIO_SHARE = 0.5  # at rest under gravity, of the limit with late torques
+MAX_FALL = 1.0  # rad (m) under gravity with an estimate of zero, with late torques
 RANGE_OF_KIND = {
     "m": "mass",
     **dict.fromkeys(("mc_x", "mc_y", "mc_z"), "first_moment"),
@@ -295,7 +296,8 @@ def adaptation_gain(
     Warns
     -----
     TuningWarning
-        If a delay lowers the gain, with the factor.
+        If a delay lowers the gain, with the factor, or if gravity lets an arm whose estimate is zero fall by more than
+        1 rad (m), as it may then be lost with a delay.
 
     Examples
     --------
@@ -315,6 +317,7 @@ def adaptation_gain(
         return gain
     p = workspace_of(model.mechanism, workspace).samples
     at_rest = model.torque_regressor(p, np.zeros_like(p), np.zeros_like(p))
+    _warn_of_a_fall(model, at_rest, gains, delay)
     most = ADAPTATION_RATIO_SHARE * stable_adaptation_below(stable_below(delay) - left, delay)
     if (ratio := adaptation_ratio(at_rest, gains.damping, gain, control_period)) <= most:
         return gain
@@ -324,6 +327,19 @@ def adaptation_gain(
         TuningWarning,
     )
     return gain * (most / ratio)
+
+
+def _warn_of_a_fall(model: ReducedModel, at_rest: Array, gains: Gains, delay: int) -> None:
+    """Warn if gains hold gravity only at a large error, by regressors (S, r, k) at rest."""
+    errors = np.abs(at_rest @ model.fundamental_parameters).max(axis=0) / (gains.damping * gains.bandwidth)
+    joint, error = model.mechanism.primary_joints[int(errors.argmax())], errors.max()
+    if error > MAX_FALL:
+        warn(
+            f"{model.mechanism.name}: adaptation gain: from an estimate of zero, these gains hold gravity at "
+            f"{joint.name} only with an error of {error:.2g} {joint.kind.position_unit}, and a falling arm may be lost "
+            f"with a delay of {delay}: begin with an estimate (`initial`), or with more damping or bandwidth there",
+            TuningWarning,
+        )
 
 
 def _left_by(gains: Gains, arm: Mechanism, control_period: float, workspace: Workspace | None, delay: int) -> float:
