@@ -19,6 +19,7 @@ from adaptctl.hardware.checks import standing
 from adaptctl.hardware.lead_in import _lengths
 from adaptctl.hardware.loop import DriveLoop
 from adaptctl.hardware.measurements import Measurements
+from adaptctl.hardware.stop import PlannedStop
 from adaptctl.hardware.torque_guard import TorqueGuard
 from adaptctl.identifiability import ReducedModel
 
@@ -186,6 +187,18 @@ def test_an_arm_that_holds_its_weight_is_handed_back_with_torques_that_fall_for_
     plain = made()
     plain._hand_back()
     assert plain.robot.asked == ["stop"]
+
+
+@pytest.mark.parametrize(("refused", "apart", "failed"), [(False, 0.49, False), (True, 0.0, True), (False, 0.51, True)])
+def test_a_planned_stop_fails_with_its_law_or_far_from_its_path(refused: bool, apart: float, failed: bool) -> None:
+    after: Any = SimpleNamespace(flags=SimpleNamespace(stopped=[refused]))
+    driven = made(
+        stop=PlannedStop(lambda time: POINT, np.inf, None, "touched", yields=True), max_error=0.5, applied=REST,
+        controller=SimpleNamespace(step=lambda *given: (REST, after)), _told=lambda state, now: state,
+        held_state=SimpleNamespace(without_learning=lambda state, torque: state),
+    )  # fmt: skip
+    driven._torque(reading(p=[0.0, -apart]), POINT)
+    assert ("planned stop failed" in driven.stopped) == failed
 
 
 def test_peaks_of_a_drive_are_noted() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from golden.capture import arms
 
 import adaptctl
 from adaptctl.codegen.c_loops import _position
+from adaptctl.codegen.c_package import CPackage
 from adaptctl.codegen.c_program import _callees
 from adaptctl.codegen.gain_rules import gain_rules
 from adaptctl.codegen.interface import Interface, short_names, status_bits, status_of
@@ -22,6 +24,8 @@ from adaptctl.compilation.loops import Index
 from adaptctl.control import Controller, PDGravity, ReferencePoint, Sinusoids, SlotineLi
 from adaptctl.description import builtin_file
 from adaptctl.dynamics import Mechanism, load
+from adaptctl.dynamics.loops.continuation import MAX_LOST_GAP
+from adaptctl.dynamics.loops.single_precision import MAX_CLOSURE_GAP
 from adaptctl.errors import GainError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, absolute, where
@@ -171,3 +175,10 @@ def test_a_place_in_an_array_is_the_sum_of_its_counters_without_those_that_cance
     for place, at in ((2 * i - 3 * j + 4, "2 * i0 + 4 - 3 * i1"), (i - j - 1, "i0 - i1 - 1"), (j + i - j, "i0")):
         assert _position(place) == at
     assert [_position(place) for place in (7, 3 + i - i, i - i)] == ["7", "3", "0"]
+
+
+def test_loops_may_be_further_open_at_a_start_in_single_precision(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("adaptctl.codegen.c_package.start_of", lambda interface, gap: gap)
+    plain: Any = SimpleNamespace(names_of_constants=list, memory=())
+    double, single = (CPackage(plain, "arm", kind).start for kind in ("double", "float"))
+    assert (double, single) == (MAX_LOST_GAP, MAX_CLOSURE_GAP)

@@ -70,6 +70,7 @@ def test_measurements_are_trusted_up_to_what_the_speed_limits_allow() -> None:
 
 def test_turns_are_undone_from_the_first_measurement_on() -> None:
     free = HardwareLimits([1.0, 1.0], [50.0, 50.0], [-np.inf, -1.0], [np.inf, 1.5], 1000.0)
+    half = HardwareLimits([1.0, 1.0], [50.0, 50.0], [-1.0, -1.0], [np.inf, 1.5], 1000.0)
     found = Measurements(ARM.primary_joints, free, PERIOD, np.array([20.0, 0.0]))
     first = found.taken(reading(0.0, [20.0 - 6 * np.pi - 0.5, 1.4 + 2 * np.pi]))
     assert first is not None
@@ -77,6 +78,9 @@ def test_turns_are_undone_from_the_first_measurement_on() -> None:
     second = found.taken(reading(0.1, [19.6 - 8 * np.pi, 1.5 - 4 * np.pi]))
     assert second is not None
     np.testing.assert_allclose(second.p, [19.6, 1.5])
+    below = Measurements(ARM.primary_joints, half, PERIOD, REST).taken(reading(0.0, [-1.2, 0.0]))
+    assert below is not None
+    np.testing.assert_allclose(below.p, [-1.2, 0.0])  # a range without an end has no middle
     expected = Measurements(ARM.primary_joints, LIMITS, PERIOD, np.array([0.3, 0.4])).expected(5.0)
     np.testing.assert_array_equal([expected.p, expected.v], [[0.3, 0.4], REST])
     found.latest = reading(1.0, [0.1, 0.2], [1.0, -2.0])

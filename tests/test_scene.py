@@ -34,11 +34,11 @@ def test_an_arrow_pushes_at_its_point_in_the_force_s_direction_and_share(tmp_pat
     points, time = np.arange(9.0).reshape(3, 3), np.array([0.0, 0.1, 0.2])
     found = drawn(tmp_path, "/world/push", lambda rec: log_arrows(rec, "push", time, points, forces, REACH, (1, 2, 3)))
     origin, arrow = (np.array(found[f"Arrows3D:{name}"][0][0]) for name in ("origins", "vectors"))
-    np.testing.assert_allclose(origin + arrow, 0.0)
+    np.testing.assert_allclose([arrow, -origin], [[0.0, 0.0, REACH / 3.0]] * 2, rtol=1e-6)
     turns, scales = (np.array(found[f"Transform3D:{name}"])[:, 0] for name in ("quaternion", "scale"))
     x, y, z, w = turns.T
     upward = np.stack([2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)], axis=-1)
-    np.testing.assert_allclose(upward * scales * arrow[2], forces * (REACH / 3.0) / 4.0, atol=1e-6)
+    np.testing.assert_allclose(upward * scales * arrow[2], forces * arrow[2] / 4.0, atol=1e-6)
     np.testing.assert_allclose(np.array(found["Transform3D:translation"])[:, 0], points)
     assert [at.total_seconds() for at in found["sim_time"]] == time.tolist()
 

@@ -113,6 +113,8 @@ def test_a_setting_without_effect_is_told_for_whom() -> None:
     ]  # fmt: skip
     assert report([row(1, 0.0, 1.0), row(2, 0.0, 1.0 + 1e-6)]).without_effect() == {}
     assert report([row(1, 0.0, 1.0), row(2, 1.0, 1.0)]).without_effect() == {}  # both differ
+    gone = [row(seed, 0.0, None, "diverged") for seed in (1, 2)]
+    assert report(gone).without_effect() == {"seed": ["adaptive"]}
 
 
 def test_outcomes_are_of_all_joints_and_divergence_of_one() -> None:

@@ -143,10 +143,9 @@ def sweep(folder: Folder, cluster: Cluster, progress: Callable[[float], object] 
         with cluster.client() as client:
             import distributed
 
-            given: dict[str, Any] = {"pure": False, "retries": MAX_ATTEMPTS}
             how = study.controllers, study.precision
             futures = [
-                client.submit(rows_of, study.experiment, shard.runs, *how, key=key, **given)
+                client.submit(rows_of, study.experiment, shard.runs, *how, key=key, retries=MAX_ATTEMPTS)
                 for key, shard in missing.items()
             ]
             for future in distributed.as_completed(futures):  # type: ignore[no-untyped-call]
