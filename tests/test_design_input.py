@@ -86,6 +86,8 @@ def test_of_many_links_the_six_that_may_carry_the_heaviest_do() -> None:
     every = bounds(arm, arm.description.body_names, 0.2, 0.5)
     masses = {places.link: places.mass for places in every}
     assert sorted(_heaviest(arm, every)) == sorted(sorted(masses, key=lambda link: -masses[link])[:6])
+    light: Any = SimpleNamespace(link=every[-1].link, mass=0.0)
+    assert _heaviest(arm, (every[-2], light)) == (every[-2].link,)
 
 
 def test_a_search_begins_without_counterweights_in_the_middle_of_their_places() -> None:

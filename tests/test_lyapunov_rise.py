@@ -106,8 +106,9 @@ def test_each_law_counts_by_its_own_gains() -> None:
         (lambda model, k: SlotineLi(model, 8.0, K, Gradient(k)), [PayloadHeld(1.0, 0.0, 0.1)]),
         (lambda model, k: SlotineLi(model, 8.0, K, CompositeLearning(k)), []),
         (lambda model, k: PassivityIntegral(model, 4.0, K, Gradient(k)), []),
+        (lambda model, k: SlotineLi(reduced(LOOP), 8.0, K), []),
     ],
-    ids=["a load that is taken up", "a law that remembers", "another sliding variable"],
+    ids=["a load that is taken up", "a law that remembers", "another sliding variable", "a model of another arm"],
 )
 def test_a_v_that_depends_on_more_is_not_told(make: Any, effects: list[Effect]) -> None:
     model = reduced(TREE)

@@ -62,6 +62,16 @@ def test_curves_end_a_twentieth_of_their_range_before_the_axes() -> None:
     assert Axis().limits([np.array([2.0, 12.0])]) == pytest.approx((1.5, 12.5))
 
 
+def test_a_name_below_all_panels_is_in_the_middle() -> None:
+    figure = Sheet(9.2, 3.0)
+    figure.subplots().plot(np.arange(2.0), np.arange(2.0), color="#000000")
+    figure.supxlabel("below all")
+    whole = ElementTree.fromstring(figure.svg())
+    (name,) = (text for text in whole.iter(f"{SVG}text") if text.text == "below all")
+    assert name.attrib["text-anchor"] == "middle"
+    assert 2.0 * float(name.attrib["x"]) == pytest.approx(float(whole.attrib["viewBox"].split()[2]), abs=0.2)
+
+
 def test_a_logarithmic_scale_is_one_and_has_no_place_for_zero() -> None:
     figure = Sheet(9.2, 3.0)
     axes = figure.subplots()
