@@ -189,3 +189,23 @@ def test_squares_of_steps_are_never_negative_by_round_off(seed: int) -> None:
     kernel = np.linalg.eigh(A / np.outer(size, size))[1][:, :3] / size[:, None]
     lost = 1e12 * kernel
     assert np.all(np.diag((root @ lost).T @ (root @ lost)) >= 0.0)
+
+
+@pytest.mark.parametrize("seed", [0, 3, 6, 9, 12, 15])
+@pytest.mark.parametrize(("mass", "length"), [(1e3, 1.0), (1.0, 1e3), (1e3, 1e3)])
+def test_a_search_takes_the_same_steps_in_other_units(
+    seed: int, mass: float, length: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    A, b, prior, weight = problem(seed)
+    units = np.ones(len(b))
+    units[: 10 * SIZE] = np.tile(mass * length ** np.array([0.0] + [1.0] * 3 + [2.0] * 6), SIZE)
+    units[prior.positive] = mass * length**2
+    tens = prior.tens * units[: 10 * SIZE].reshape(SIZE, 10)
+    others = EntropicPrior(tens, prior.positive, prior.scales * units[prior.positive])
+    steps: list[object] = []
+    next_point = search._Newton.next_point
+    monkeypatch.setattr(search._Newton, "next_point", lambda *own: steps.append(own) or next_point(*own))
+    x, own = consistent_estimate(A, b, prior, weight), len(steps)
+    y = consistent_estimate(A / np.outer(units, units), b / units, others, weight)
+    assert len(steps) - own == own > 0
+    np.testing.assert_allclose(y / units, x, rtol=0.0, atol=1e-5 * float(np.abs(x).max()))
