@@ -126,6 +126,8 @@ ALIKE = {
     ),
     "adaptctl/compilation/stepper.py::Ensemble.run 0 -> 1": "no steps are a number that is checked once more",
     "adaptctl/scalars/scalar.py::logarithm 0.0 -> 1.0 (again 5)": "what is on no side of zero is zero or no number",
+    "adaptctl/codegen/wasm_module.py::WasmModule._sincos 1 -> 2": "an argument beside the angle has no use",
+    "adaptctl/recording/vector.py::Sheet._legend 1 -> 2": "steps through no marks are none, however long",
     "adaptctl/sweeps/search.py::search 1e+300 -> 2e+300": "errors are below both, and runs that failed above them",
 }
 """Mutants that mean the same as the code, by their keys, and why no test can tell them from it."""
