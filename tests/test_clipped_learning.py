@@ -83,7 +83,7 @@ def guarded_floor() -> SafetyFilter:
     return SafetyFilter(floor(), 50.0)
 
 
-@pytest.mark.parametrize("size", [1e100, 1e155, 1e300])
+@pytest.mark.parametrize("size", [1e155, 1e300])
 @pytest.mark.parametrize("arms", [(), (5,)])
 def test_a_tick_that_overflows_is_refused_and_its_state_with_it(size: float, arms: tuple[int, ...]) -> None:
     """Information of squares beyond a double: many arms once put it into the state, in which it stayed."""
@@ -106,7 +106,7 @@ def overflowing(controller: SlotineLi, state: Any, p: Array, v: Array) -> None:
 @pytest.mark.parametrize("arms", [(), (5,)])
 def test_a_start_that_overflows_is_refused(arms: tuple[int, ...]) -> None:
     p, v = np.broadcast_to(TWO, (*arms, 2)), np.broadcast_to(SPEEDS, (*arms, 2)).copy()
-    v[-1:] *= 1e200
+    v[-1:] = 1e308
     with pytest.raises(NonFiniteError, match="SlotineLi: the initial state is not finite"):
         floor().init(p, v)
 
