@@ -22,11 +22,11 @@ from adaptctl.identification.delay import Delay, _rate, estimated_delay
 from adaptctl.identification.entropic import EntropicPrior, _spread_enough
 from adaptctl.identification.filtered_dynamics import RowFilter, SmoothMotion, motion_band
 from adaptctl.identification.log_checks import _clipped, _frozen, _impossible, _quantum, _spiked
+from adaptctl.identification.logged_velocities import _explained
 from adaptctl.identification.long_logs import Stretches
 from adaptctl.identification.position_faults import slips
 from adaptctl.identification.preparation import (
     PreparedLog,
-    _explained,
     _turns_off,
     derivative,
     filtered,
