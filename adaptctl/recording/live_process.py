@@ -44,11 +44,11 @@ def main(descriptor: int, url: str) -> None:
         rows = _Rows(samples, 1 + 3 * mechanism.dof, FILE_BATCH_TIME if is_file(url) else BATCH_TIME)
         first = rows.next()
         if first is not None:
-            recording, parts = _started(mechanism, url, first)
+            recording, parts = started(mechanism, url, first)
             log_surroundings(recording, "surroundings", _surroundings(given["boxes"]))
-            _draw(recording, mechanism, parts, first)
+            draw(recording, mechanism, parts, first)
             while (more := rows.next()) is not None:
-                _draw(recording, mechanism, parts, more)
+                draw(recording, mechanism, parts, more)
             _end(recording)
 
 
@@ -94,7 +94,8 @@ class _Rows:
         return np.stack(rows) if rows else None
 
 
-def _started(mechanism: Mechanism, url: str, first: Array) -> tuple[rr.RecordingStream, Skeleton]:
+def started(mechanism: Mechanism, url: str, first: Array) -> tuple[rr.RecordingStream, Skeleton]:
+    """Recording at a place, laid out for an arm that moves as its first samples say, and the arm's shapes."""
     recording = rr.RecordingStream("adaptctl-live", make_default=False)
     recording.save(url) if is_file(url) else recording.connect_grpc(url)
     parts, r = skeleton(mechanism), mechanism.dof
@@ -108,7 +109,8 @@ def _started(mechanism: Mechanism, url: str, first: Array) -> tuple[rr.Recording
     return recording, parts
 
 
-def _draw(recording: rr.RecordingStream, mechanism: Mechanism, parts: Skeleton, rows: Array) -> None:
+def draw(recording: rr.RecordingStream, mechanism: Mechanism, parts: Skeleton, rows: Array) -> None:
+    """Draw samples (k, 1 + 3 r)."""
     r, times = mechanism.dof, rows[:, 0]
     p, desired, torque = (rows[:, 1 + k * r : 1 + (k + 1) * r] for k in range(3))
     tip = log_arm(recording, "arm", mechanism, parts, times, p, run_color(0))

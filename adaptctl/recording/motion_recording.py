@@ -1,13 +1,16 @@
-"""Recording of an arm along samples."""
+"""Recording of a motion."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from time import sleep
+
+import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
-from adaptctl.recording.live import Live
+from adaptctl.files import replacing
+from adaptctl.recording.live_process import draw, started
+from adaptctl.recording.stream import written
 
 RATE = 50.0
 """Hz, at most"""
@@ -15,7 +18,10 @@ RATE = 50.0
 
 def record_motion(path: Path, mechanism: Mechanism, time: Array, p: Array, reference_p: Array, torque: Array) -> None:
     """Write positions, references (n, r) and torques at times (n,) in s, and the arm that has them, as an .rrd file."""
-    with Live(mechanism, str(path), rate=RATE) as recording:
-        for k in range(0, len(time), max(1, round(1.0 / (RATE * float(time[1] - time[0]))))):
-            recording.show(float(time[k]), p[k], reference_p[k], torque[k])
-            sleep(1e-3)  # for the process that draws, which would drop samples
+    every = max(1, round(1.0 / (RATE * float(time[1] - time[0]))))
+    rows = np.column_stack((time, p, reference_p, torque))[::every]
+    with replacing(path) as beside:
+        recording, parts = started(mechanism, str(beside), rows)
+        draw(recording, mechanism, parts, rows)
+        written(recording)
+        recording.disconnect()

@@ -345,14 +345,14 @@ def design() -> tuple[Any, list[Any]]:
 
 def live(path: Path) -> None:
     from adaptctl import load
-    from adaptctl.recording.live_process import _draw, _end, _started
+    from adaptctl.recording.live_process import _end, draw, started
 
     mechanism, time = load("two_link"), np.linspace(0.0, 1.0, 6)
     rows = np.column_stack(
         [time, np.outer(time, [0.5, -1.0]), np.outer(time**2, [0.4, -0.9]), np.outer(1 - time, [7, 3])]
     )
-    recording, parts = _started(mechanism, str(path), rows)
-    _draw(recording, mechanism, parts, rows)
+    recording, parts = started(mechanism, str(path), rows)
+    draw(recording, mechanism, parts, rows)
     _end(recording)
 
 
