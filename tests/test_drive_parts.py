@@ -36,7 +36,6 @@ from adaptctl.hardware.preparation import DEFAULT_SAMPLING_RATIO, hold_at
 from adaptctl.hardware.resting import MARGIN, StoppingDistance
 from adaptctl.hardware.robot import validate_posture
 from adaptctl.hardware.stop import PlannedStop
-from adaptctl.hardware.timing import BINS, LoopTimes
 from adaptctl.hardware.torque_guard import RATE_SHARE
 from adaptctl.hardware.touch_reaction import Retreat, yielding
 from adaptctl.hardware.udp_plant import received
@@ -63,18 +62,11 @@ def test_an_acceleration_is_that_of_the_last_hundredth_of_a_second_or_of_three_p
     np.testing.assert_allclose(moving.along(speed(last), np.zeros(2)), expected, rtol=1e-9)
 
 
-def test_times_of_periods_are_counted() -> None:
-    times = LoopTimes(0.01)
-    on_time = [times.count(0.01 * ratio) for ratio in (1.0, 1.3, 1.3, 1.1, 1.3, 0.7, 90.0)]
-    assert on_time == [True, False, False, True, False, False, False]
-    assert (times.off, times.late, times.longest_late, times.worst) == (5, 1, 2, 0.9)
-    assert times.histogram.sum() == 7
-    assert times.histogram[-1] == 1
-    for ratio in (0.7, 1.1, 1.3):  # each in the bin whose edges it is between
-        (place,) = np.flatnonzero((times.edges[:-1] <= 0.01 * ratio) & (0.01 * ratio < times.edges[1:]))
-        assert times.histogram[place] > 0
-    assert times.edges[-1] == pytest.approx(0.03)
-    assert len(times.edges) == BINS + 1
+def test_two_measurements_tell_an_acceleration_and_one_does_not() -> None:
+    moving, v = PossibleAcceleration(STOPPING.inverses, PERIOD), np.array([0.5, 1.0])
+    for k, expected in ((1, 0.0), (2, v / PERIOD)):
+        moving.take(RobotReading(k * PERIOD, CENTER, k * v), np.zeros(2))
+        np.testing.assert_allclose(moving.along(v, np.zeros(2)), expected)
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])

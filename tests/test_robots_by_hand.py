@@ -221,6 +221,13 @@ def test_a_controller_is_for_the_robots_period_to_a_thousandth() -> None:
             checks.validate_periods(SimpleNamespace(control_period=wrong), 1e-3)
 
 
+def test_an_arm_is_told_by_a_controller_or_by_its_description() -> None:
+    assert checks.mechanism_of(object(), ARM) is checks.mechanism_of(SimpleNamespace(mechanism=ARM), None) is ARM
+    for controller, given in ((SimpleNamespace(mechanism=ARM), "arm"), (object(), None)):
+        with pytest.raises(adaptctl.InputError, match=r"^mechanism: "):
+            checks.mechanism_of(controller, given)  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize("ratio", [4.9, 5.1])
 @pytest.mark.parametrize("turned", [1.0, -1.0])
 def test_torque_limits_five_times_apart_are_of_another_robot(ratio: float, turned: float) -> None:
@@ -246,9 +253,10 @@ def test_a_retreat_of_what_is_clamped_begins_where_the_stop_ended() -> None:
     stopping: Any = SimpleNamespace(duration=lambda v: 0.5)
     path = adaptctl.Sinusoids(REST, [0.1, 0.2], [0.5, 0.5])
     stop = PlannedStop.along(path, 2.0, REST, "state", "touched", stopping)
-    assert stop.end == 2.5
+    assert (stop.end, stop.yields, stop.feels) == (2.5, False, False)
     way = stop.retreat(3.0, REST, stopping)
-    assert (way.path.later, way.path.seconds, way.end) == (0.5, 0.5, way.path.end)  # type: ignore[attr-defined]
+    assert way.end == 3.0 + 3 * 0.5 + 1.0  # from then on it turns and stops, and goes back a second
+    np.testing.assert_allclose(way.path(3.0).p, path(2.25).p)  # where it has stopped
     assert (way.reason, way.feels) == ("touched, and clamped", False)
     ahead = PlannedStop.ahead(np.array([0.1, 0.2]), 2.0, np.array([1.0, -1.0]), "state", "x", stopping)
     point = ahead.path(np.array([1.9, 2.0]))
