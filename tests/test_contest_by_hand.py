@@ -28,7 +28,7 @@ from adaptctl.control.controller import ReferencePoint
 from adaptctl.errors import FileError, InputError, MissingExtraError, NotFoundError
 from adaptctl.scalars import Column
 from adaptctl.simulation.plant import Plant
-from adaptctl.sweeps.cluster import MAX_ATTEMPTS, Cluster
+from adaptctl.sweeps.cluster import Cluster
 
 LAWS = ["true", "gradient", "pd-gravity", "composite"]
 
@@ -85,8 +85,8 @@ def test_workers_get_all_entries_and_are_forgotten_once_they_have_ended(monkeypa
     submitted: list[Any] = []
     released: list[str] = []
 
-    def submit(call: Any, one: ContestEntry, key: str, pure: bool, retries: int) -> Any:
-        submitted.append((call, pure, retries))
+    def submit(call: Any, one: ContestEntry, key: str, pure: bool) -> Any:
+        submitted.append((call, pure))
         return SimpleNamespace(key=key, result=lambda: rows(one), release=lambda: released.append(key))
 
     monkeypatch.setattr(distributed, "as_completed", reversed)
@@ -95,7 +95,7 @@ def test_workers_get_all_entries_and_are_forgotten_once_they_have_ended(monkeypa
     found = list(running.computed(SimpleNamespace(submit=submit), missing))
     assert [one.law for one, _ in found] == ["gradient", "true"]
     assert [own[0]["law"] for _, own in found] == ["gradient", "true"]
-    assert submitted == [(running.rows_of, False, MAX_ATTEMPTS)] * 2
+    assert submitted == [(running.rows_of, False)] * 2
     assert released == list(entries)[::-1]
     assert not missing
 

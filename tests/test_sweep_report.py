@@ -11,11 +11,11 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from matplotlib import rc_context
+from scipy.stats import qmc
 
 from adaptctl.errors import FileError, InputError
 from adaptctl.recording.drawing import STYLE
 from adaptctl.sweeps import rows as rows_module
-from adaptctl.sweeps.cluster import Cluster, _validate_workers
 from adaptctl.sweeps.folder import Folder, Saved, read_table, write_checked
 from adaptctl.sweeps.report import SweepReport, map_figure
 from adaptctl.sweeps.rows import RunOutcome, alone, rows_of
@@ -60,6 +60,7 @@ def test_a_map_has_mean_errors_and_shares_of_stable_runs() -> None:
         assert [tick.get_text() for tick in axes.get_yticklabels()] == ["0", "2"]
         assert not any(line.get_visible() for line in axes.get_xgridlines() + axes.get_ygridlines())
     assert image.get_clim() == (0.0, 1.0)  # so that maps can be compared
+    assert len(figure.axes) == 4  # with a bar of colours each
 
 
 def test_one_run_makes_a_map_of_one_place() -> None:
@@ -92,6 +93,7 @@ def test_words_and_numbers_of_a_report() -> None:
     ]  # fmt: skip
     short = report([row(1, 0.0, 0.002) | {"final_rms_error": None}])
     assert "median final error 0.002" in short.text()
+    assert short.facts()[2].answer == "100.0 %"
 
 
 def test_the_worst_runs_are_those_that_diverged_first_then_those_of_large_errors() -> None:
@@ -99,6 +101,8 @@ def test_the_worst_runs_are_those_that_diverged_first_then_those_of_large_errors
     rows += [row(7, 0.0, 9.0, "diverged", diverged_at=2.0), row(8, 0.0, 9.0, "diverged", diverged_at=1.0)]
     rows += [row(9, 0.0, None, "failed"), row(10, 0.0, 0.25) | {"final_rms_error": None}]
     assert [one["seed"] for one in report(rows).worst("adaptive")] == [8, 7, 4, 3, 10]
+    at_once = [row(k, 0.0, error, "diverged", diverged_at=1.0) for k, error in ((1, None), (2, 0.5))]
+    assert [one["seed"] for one in report(at_once).worst("adaptive")] == [2, 1]
 
 
 def test_a_setting_without_effect_is_told_for_whom() -> None:
@@ -111,7 +115,8 @@ def test_a_setting_without_effect_is_told_for_whom() -> None:
     assert made.text().splitlines()[-2:] == [
         "  seed has no effect on the results", "  payload has no effect on the results of fixed",
     ]  # fmt: skip
-    assert report([row(1, 0.0, 1.0), row(2, 0.0, 1.0 + 1e-6)]).without_effect() == {}
+    for change, idle in ((0.9e-9, True), (1.1e-9, False)):  # of 1e-9 and more an effect
+        assert bool(report([row(1, 0.0, 1.0), row(2, 0.0, 1.0 + change)]).without_effect()) is idle
     assert report([row(1, 0.0, 1.0), row(2, 1.0, 1.0)]).without_effect() == {}  # both differ
     gone = [row(seed, 0.0, None, "diverged") for seed in (1, 2)]
     assert report(gone).without_effect() == {"seed": ["adaptive"]}
@@ -150,7 +155,7 @@ def test_an_experiment_by_itself_has_the_same_columns() -> None:
 
 
 def test_the_time_of_a_batch_is_shared_by_its_runs(monkeypatch: pytest.MonkeyPatch) -> None:
-    times = iter([10.0, 16.0])
+    times = iter([10.0, 16.0, 20.0, 24.0])
     monkeypatch.setattr(rows_module.time, "perf_counter", lambda: next(times))
     monkeypatch.setattr(rows_module, "_outcomes", lambda made, *_: [[("a", RunOutcome("done"))] for _ in made])
     found = rows_of(NAME, [{"seed": 1}, {"seed": 2, "duration": -1.0}, {"seed": 3}])
@@ -159,6 +164,7 @@ def test_the_time_of_a_batch_is_shared_by_its_runs(monkeypatch: pytest.MonkeyPat
         (1, "done", "a"), (2, "failed", ""), (3, "done", "a"),
     ]  # fmt: skip
     assert {one["version"] for one in found} == {__version__}
+    assert rows_of(NAME, [{}])[0]["wall_time"] == 4.0
 
 
 @pytest.mark.parametrize(
@@ -172,6 +178,14 @@ def test_a_share_of_a_span_is_a_value_of_it(share: float, whole: int, real: floa
 def drawn(seed: int, sampling: Any = "sobol", samples: int = 7) -> SweepStudy:
     given = {"payload": "0..5", "seed": "1,2,5"}
     return SweepStudy.named(NAME, given, sampling=sampling, samples=samples, sampling_seed=seed)
+
+
+def test_draws_are_those_of_seed_0_unless_another_is_given() -> None:
+    made = SweepStudy.named(NAME, {"payload": "0..5"}, sampling="sobol", samples=8)
+    expected = 5.0 * qmc.Sobol(1, rng=0).random(8)[:, 0]
+    assert [run["payload"] for run in made.runs()] == pytest.approx(expected)
+    with pytest.raises(InputError, match="got 0"):
+        SweepStudy.named(NAME, {"payload": "0..5"}, sampling="sobol")
 
 
 def test_hashes_tell_apart_what_gives_other_runs() -> None:
@@ -225,41 +239,12 @@ def test_a_search_keeps_the_best_that_ran(monkeypatch: pytest.MonkeyPatch) -> No
     asked.clear()
     search(study, "rms_error", 40, seed=3)
     assert asked == before
+    asked.clear()
+    for seed in ({}, {"seed": 0}):
+        search(study, "rms_error", 16, **seed)
+    assert asked[:1] == asked[1:] != before[:1]
     with pytest.raises(InputError, match="minimise: expected one of rms_error"):
         search(study, "status", 1)
-
-
-def test_workers_must_be_there_and_of_this_version() -> None:
-    def client(waits: Exception | None = None, runs: Any = __version__) -> Any:
-        def wait(count: int, timeout: float) -> None:
-            assert (count, timeout) == (1, 15.0)
-            if waits:
-                raise waits
-
-        def run(call: Any) -> dict[str, Any]:
-            assert call() == __version__
-            if isinstance(runs, Exception):
-                raise runs
-            return {"tcp://a": __version__, "tcp://b": runs}
-
-        return SimpleNamespace(wait_for_workers=wait, run=run)
-
-    _validate_workers(client())
-    with pytest.raises(InputError, match="no workers after 15 s: start workers"):
-        _validate_workers(client(TimeoutError()))
-    with pytest.raises(InputError, match="a worker lacks adaptctl"):
-        _validate_workers(client(runs=ModuleNotFoundError("adaptctl")))
-    with pytest.raises(InputError, match=r"worker tcp://b has adaptctl 0\.1, but this process has"):
-        _validate_workers(client(runs="0.1"))
-
-
-@pytest.mark.parametrize("jobs", [0, 4097])
-def test_workers_are_at_least_one_and_at_most_4096(jobs: int) -> None:
-    with pytest.raises(InputError, match="--jobs: expected 1 to 4096 workers"):
-        Cluster(jobs)
-    assert [Cluster(x).jobs for x in (1, 4096)] == [1, 4096]
-    with pytest.raises(InputError, match="expected one of --jobs, --scheduler"):
-        Cluster(1, "tcp://a")
 
 
 @pytest.mark.parametrize("samples", [None, 0, -1, 10_000_001])

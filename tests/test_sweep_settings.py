@@ -9,7 +9,6 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import pyarrow as pa
 import pytest
 from nightly import nightly
 
@@ -45,15 +44,6 @@ def test_true_and_false_are_values() -> None:
 def test_what_is_neither_is_refused(text: str) -> None:
     with pytest.raises(InputError, match=r"^as_written: expected (true or false|one or more different values)"):
         parsed(FIELDS["as_written"], text)
-
-
-def test_a_table_has_settings_that_are_true_or_false() -> None:
-    made = study(as_written="true,false", seed="0,1")
-    found = table(made, rows(made), made.count)
-    assert found.schema.field("as_written").type == pa.bool_()
-    assert found.column("as_written").to_pylist() == [True, True, False, False]
-    assert set(found.column("floating_base").to_pylist()) == {False}
-    assert set(found.column("status").to_pylist()) == {"done"}
 
 
 @nightly

@@ -18,11 +18,11 @@ from nightly import nightly
 
 from adaptctl.cli.main import main
 from adaptctl.cli.sweep import _validate_none_failed
-from adaptctl.errors import AdaptctlError, FileError, InputError, NotFoundError, VerdictError
+from adaptctl.errors import FileError, InputError, NotFoundError, VerdictError
 from adaptctl.experiments import find
 from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
 from adaptctl.simulation import Episode
-from adaptctl.sweeps.cluster import Cluster, _ended_quietly, sweep
+from adaptctl.sweeps.cluster import Cluster, sweep
 from adaptctl.sweeps.folder import Folder, read_table
 from adaptctl.sweeps.report import SweepReport
 from adaptctl.sweeps.rows import TIMES, alone, named, offline, robot, rows_of, started
@@ -368,32 +368,6 @@ class TestCommand:
         assert main(["sweep", *self.ARGUMENTS, *more, "--out", str(tmp_path / "out")]) == 2
         (line,) = capsys.readouterr().err.splitlines()
         assert told in line
-
-
-def test_workers_that_do_not_start_are_told_in_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    def late(**_: object) -> None:
-        raise RuntimeError("Cluster failed to start:\n timed out")
-
-    monkeypatch.setattr("distributed.LocalCluster", late)
-    told = r"workers cannot be started \(Cluster failed to start: timed out\): try fewer --jobs"
-    with pytest.raises(AdaptctlError, match=told), Cluster(jobs=1).client():
-        pass
-
-
-def test_a_cluster_that_is_interrupted_while_it_starts_is_closed_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    from distributed.deploy import spec
-
-    done: list[Any] = []
-
-    def close() -> None:
-        done.append("closed")
-        raise RuntimeError("half started")
-
-    monkeypatch.setattr(spec, "close_clusters", close)
-    monkeypatch.setattr("atexit.unregister", done.append)
-    with pytest.raises(KeyboardInterrupt), _ended_quietly():
-        raise KeyboardInterrupt
-    assert done == [close, "closed"]  # and not once more at exit
 
 
 @nightly

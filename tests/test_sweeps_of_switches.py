@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
-from adaptctl.errors import InputError, NotCompiledWarning, PhysicalConsistencyWarning, SimplificationWarning
+from adaptctl.errors import NotCompiledWarning, PhysicalConsistencyWarning, SimplificationWarning
 from adaptctl.experiments.adaptive import AdaptiveTracking
 from adaptctl.sweeps import rows
 from adaptctl.sweeps.folder import Folder
 from adaptctl.sweeps.report import SweepReport, write_report
 from adaptctl.sweeps.rows import columns_of, rows_of
-from adaptctl.sweeps.search import BestSettings, write_settings
-from adaptctl.sweeps.study import Span, SweepStudy, as_span, parsed
+from adaptctl.sweeps.study import SweepStudy
 
-AS_WRITTEN = {entry.name: entry for entry in fields(AdaptiveTracking)}["as_written"]
 ARM = "two_link"
 
 
@@ -42,16 +39,6 @@ def test_names_of_controllers_are_found_without_a_warning(
     assert "adaptive" in rows._controllers(AdaptiveTracking, {"robot": ARM})
 
 
-def test_switches_are_typed_as_true_and_false() -> None:
-    assert parsed(AS_WRITTEN, "true,false") == (True, False)
-    assert parsed(AS_WRITTEN, ["False", "True"]) == (False, True)
-    assert parsed(AS_WRITTEN, "true") == (True,)
-    assert as_span(AS_WRITTEN, (False, True)) is None
-    for wrong in ("1", "yes", "0..1", "", "true,true"):
-        with pytest.raises(InputError, match=r"as_written: expected (true or false|one or more different values)"):
-            parsed(AS_WRITTEN, wrong)
-
-
 def test_tables_have_switches(tmp_path: Path) -> None:
     given = {"robot": ARM, "duration": "0.05", "as_written": "true,false"}
     study = SweepStudy.named("adaptive", given, controllers=("adaptive",))
@@ -69,13 +56,3 @@ def test_tables_have_switches(tmp_path: Path) -> None:
     assert ["--as-written" in command.split() for command in commands] == [True, False]
     assert "--as-written True" not in commands[0]
     assert write_report(tmp_path / "sweep").exists()
-
-
-def test_a_search_writes_switches_as_toml_has_them(tmp_path: Path) -> None:
-    study = SweepStudy.named("adaptive", {"robot": ARM, "as_written": "true,false"})
-    found = BestSettings({"robot": ARM, "as_written": True}, "adaptive", 0.0, 1)
-    write_settings(tmp_path / "best.toml", study, found)
-    assert "as_written = [true]" in (tmp_path / "best.toml").read_text()
-    again = SweepStudy.named(str(tmp_path / "best.toml"), {})
-    assert again.settings["as_written"] == (True,)
-    assert not isinstance(again.settings["as_written"], Span)

@@ -16,7 +16,7 @@ from adaptctl.contest.scene import robot_name
 from adaptctl.errors import FileError
 from adaptctl.files import write_json
 from adaptctl.folders import made_folder
-from adaptctl.sweeps.cluster import MAX_ATTEMPTS, Cluster
+from adaptctl.sweeps.cluster import Cluster
 from adaptctl.sweeps.folder import read_checked, write_checked
 from adaptctl.version import __version__
 
@@ -126,8 +126,7 @@ def computed(client: Any, missing: dict[str, ContestEntry]) -> Iterator[tuple[Co
     """Entries and their rows as they end."""
     import distributed
 
-    given: dict[str, Any] = {"pure": False, "retries": MAX_ATTEMPTS}
-    futures = [client.submit(rows_of, entry, key=key, **given) for key, entry in missing.items()]
+    futures = [client.submit(rows_of, entry, key=key, pure=False) for key, entry in missing.items()]
     for future in distributed.as_completed(futures):  # type: ignore[no-untyped-call]
         yield missing.pop(future.key), future.result()
         future.release()

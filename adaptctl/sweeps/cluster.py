@@ -20,8 +20,6 @@ from adaptctl.version import __version__
 if TYPE_CHECKING:
     import pyarrow as pa
 
-# Workers that may die over a shard before it fails.
-MAX_ATTEMPTS = 3
 # Time in s to wait for a scheduler, and for its first worker.
 CONNECTION_TIMEOUT = 15.0
 # Dask's settings that have it watch itself less: by default that takes some 2 % of a processor for each process.
@@ -81,7 +79,7 @@ class Cluster:
         given: dict[str, Any] = {"timeout": CONNECTION_TIMEOUT}
         if self.tls is not None:
             paths = zip(("tls_ca_file", "tls_client_cert", "tls_client_key"), map(str, self.tls), strict=True)
-            given["security"] = distributed.Security(**dict(paths), validate_encryption=True)
+            given["security"] = distributed.Security(**dict(paths), require_encryption=True)
         place = self.scheduler or str(self.scheduler_file)
         given["address" if self.scheduler else "scheduler_file"] = place
         try:
@@ -145,8 +143,7 @@ def sweep(folder: Folder, cluster: Cluster, progress: Callable[[float], object] 
 
             how = study.controllers, study.precision
             futures = [
-                client.submit(rows_of, study.experiment, shard.runs, *how, key=key, retries=MAX_ATTEMPTS)
-                for key, shard in missing.items()
+                client.submit(rows_of, study.experiment, shard.runs, *how, key=key) for key, shard in missing.items()
             ]
             for future in distributed.as_completed(futures):  # type: ignore[no-untyped-call]
                 folder.keep(missing.pop(future.key), future.result())

@@ -194,7 +194,7 @@ def map_figure(shown: SettingsMap) -> Figure:
     for axes, values, title in zip(canvas.subplots(1, 2), (shown.error, shown.stable), titles, strict=True):
         shares = {"vmin": 0.0, "vmax": 1.0} if title.startswith("fraction") else {}
         image = axes.imshow(values, origin="lower", aspect="auto", cmap="viridis", **shares)
-        axes.set_xticks(range(len(shown.across)), [f"{value:.3g}" for value in shown.across], rotation=45)
+        axes.set_xticks(range(len(shown.across)), [f"{value:.3g}" for value in shown.across], rotation="vertical")
         axes.set_yticks(range(len(shown.down)), [f"{value:.3g}" for value in shown.down])
         axes.set(xlabel=shown.x, ylabel=shown.y, title=title)
         axes.grid(visible=False)
