@@ -68,9 +68,6 @@ ALIKE = {
     "adaptctl/logs/on_disk.py::is_large 8 * columns * rows >= LARGE -> 8 * columns * rows > LARGE": (
         "columns are the same, in memory or on disk"
     ),
-    "adaptctl/logs/on_disk.py::one_by_one column.nbytes > LARGE // 8 -> column.nbytes >= LARGE // 8": (
-        "memory is given back by one column more or less"
-    ),
     "adaptctl/control/adaptation/payload_test.py::PayloadTest._is_a_body "
     "gained > -MAX_LOSS * maximum(before, 0.0) - slack -> gained >= -MAX_LOSS * maximum(before, 0.0) - slack": (
         "no estimated inertia is a share of another one to the last bit"

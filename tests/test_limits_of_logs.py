@@ -145,6 +145,7 @@ def test_a_file_with_blanks_is_rewritten_up_to_a_size(tmp_path: Path, monkeypatc
         ("# one\n1,2\n", None, 2),  # a comment of a word is no name of two columns
         ("a,b\nx,2\n", ["a", "b"], 2),  # half of the cells are numbers
         ("t,b\ns,rad\n1,2\n", ["t", "b"], 2),
+        ("x,y\nt,b\ns,rad\n1,2\n", ["t", "b"], 2),
     ],
 )
 def test_names_are_those_of_the_last_line_before_the_numbers(

@@ -24,6 +24,7 @@ from adaptctl.identification.gathering import gathered
 from adaptctl.identification.log_checks import checked_log
 from adaptctl.logs import on_disk, text, text_form
 from adaptctl.logs.arrow import numbers
+from adaptctl.logs.batches import Batches
 from adaptctl.logs.parquet import read_parquet
 from adaptctl.logs.table import LogTable, table
 from adaptctl.logs.text import read_delimited
@@ -99,13 +100,16 @@ def test_a_file_with_blanks_between_its_numbers_is_read_in_batches(tmp_path: Pat
 
 
 @pytest.mark.parametrize("count", [1, 2, 5])
-def test_cells_of_a_digit_each_are_read_in_batches(count: int, tmp_path: Path) -> None:
+def test_cells_of_a_digit_each_are_read_in_batches(count: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """More rows than any other file of its size has."""
+    room: list[int] = []
+    monkeypatch.setattr(text, "Batches", lambda rows: room.append(rows) or Batches(rows))
     path = tmp_path / "short.csv"
     digits = np.arange(2000 * count).reshape(-1, count) % 7
     path.write_text("\n".join(",".join(map(str, row)) for row in [list("abcde")[:count], *digits.tolist()]) + "\n")
     log = by_batches(read_delimited, path, "adaptctl.logs.text._read")
     np.testing.assert_array_equal(np.stack(list(log.columns.values()), axis=-1), digits)
+    assert 8 * count * room[0] < 5 * path.stat().st_size
 
 
 def test_a_longer_line_among_blanks_is_refused_under_the_files_own_name(tmp_path: Path) -> None:

@@ -48,7 +48,7 @@ class _Layout(NamedTuple):
             values = np.asarray(getattr(message, field), dtype="<f8")
             place = -(-place // 4) * 4 + 4
             fixed.append(slice(start, place))
-            place += -(place - BODY) % 8 if len(values) else 0
+            place += (place - BODY) % 8 if len(values) else 0
             places.append((place, len(values)))
             if raw[place : place + values.nbytes] != values.tobytes():
                 return None
@@ -92,7 +92,7 @@ def _alike(
 ) -> JointStates | None:
     """Messages of one size, if all have one layout, which is known or that of the first."""
     logged, each = zip(*messages, strict=True)
-    raw = np.frombuffer(b"".join(each), dtype=np.uint8).reshape(len(each), -1)
+    raw = np.frombuffer(b"".join(each), dtype=np.uint8).reshape(len(each), len(each[0]))
     layout = known.get(len(each[0]))
     if layout is None or not layout.has(raw):
         layout = _Layout.of(each[0], decode(each[0]))

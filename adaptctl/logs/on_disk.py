@@ -88,8 +88,7 @@ def one_by_one(columns: Iterable[Array]) -> Iterator[Array]:
     """Columns (n,), one after the other, of which memory holds one."""
     for column in columns:
         yield column
-        if column.nbytes > LARGE // 8:
-            release()
+        release()
 
 
 def rowwise(compute: Callable[..., Array], *values: Array) -> Array:
