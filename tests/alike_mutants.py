@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 ALIKE = {
+    "adaptctl/description/right_angles.py::_pose np.abs(pose.rotation - rounded).max() < tolerance -> "
+    "np.abs(pose.rotation - rounded).max() <= tolerance": "no rotation misses by the tolerance to the last bit",
     "experiments/replication/semi_direct_drive.py::table12 1 -> 2": "the first draw is looked at, of one or of two",
     "adaptctl/logs/parquet.py::<module> 2 ** 20 -> 2 * 20": "bytes that are read at a time",
     "adaptctl/logs/parquet.py::read_arrow False -> True": "threads read the same",

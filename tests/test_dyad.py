@@ -197,6 +197,10 @@ def test_a_dyad_between_two_cranks_is_of_the_outer_joints(monkeypatch: pytest.Mo
     assert _rule(loop, {0, 2}, {}) == (1, 3)
     assert _rule(loop, {0, 1}, {}) == (2, 3)
     assert _rule(loop, {0}, {}) is None
+    long: Any = SimpleNamespace(first=SimpleNamespace(links=(0, 1, 2)), second=SimpleNamespace(links=(3, 4, 5)))
+    for joints in ((2, 5), (1, 2), (4, 5)):
+        assert _rule(long, set(range(6)) - {*joints}, {}) == joints
+    assert _rule(long, {1, 2, 4, 5}, {}) is None
 
 
 @pytest.mark.parametrize("recipe", ["planar weld", "spatial point", "spatial hinge", "spatial weld"])

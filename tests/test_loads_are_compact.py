@@ -60,6 +60,19 @@ def test_without_a_mass_of_its_own_no_center_is_known() -> None:
     assert judge("puma560_measured")._tells_mass
 
 
+@pytest.mark.parametrize(("angle", "told"), [(2.4e-6, True), (1.6e-6, False)])
+def test_effects_that_are_parallel_to_a_millionth_are_of_one_parameter(
+    angle: float, told: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of the mass and of the last entry: half their angle is the ratio of the ends of the spectrum."""
+    effect = np.eye(10)
+    effect[9] = angle * effect[9]
+    effect[0, 9] = 1.0
+    monkeypatch.setattr(PayloadTest, "_effect", effect)
+    test = judge("two_link")
+    assert (test._tells_all, test._tells_mass) == (told, told)
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_load_has_an_inertia_that_is_positive_about_all_axes_or_negative(sign: float) -> None:
     """As eigenvalues tell, but for a tenth of its trace and a slack."""

@@ -149,7 +149,7 @@ def _include(root: Element, path: str | Path) -> None:
     while pending:
         element = pending.pop()
         for child in [child for child in element if child.tag == "include"]:
-            if len(seen) > MAX_FILES:
+            if len(seen) >= MAX_FILES:
                 refuse(child, f"<include>: more than {MAX_FILES} files, the limit")
             place = list(element).index(child)
             element[place : place + 1] = _content(child, folder, seen)
