@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from adaptctl.control.task_space import TaskSpaceSlotineLi
 from adaptctl.description import Description, Joint, JointKind, Limits, Link, Pose
 from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.dynamics.plausibility import warn_of_implausible
+from adaptctl.dynamics.plausibility import _range, warn_of_implausible
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import PlausibilityWarning, ReferenceWarning
 from adaptctl.identification.contradictions import implausible_links
@@ -74,10 +75,53 @@ def test_an_inertia_in_other_units_is_beyond_the_reach() -> None:
     assert "link 'rod' has 1 kg at a radius of gyration of 110 m, beyond the robot's reach" in told
 
 
+@pytest.mark.parametrize(("length", "radius", "told"), [(0.5, 1.9, 0), (0.5, 2.1, 1), (3.0, 5.9, 0), (3.0, 6.1, 1)])
+def test_parts_are_as_large_as_twice_the_reach_of_a_metre_or_more(length: float, radius: float, told: int) -> None:
+    assert len(notes(rod(1.0, radius**2, length=length))) == told
+
+
 def test_mass_points_and_massless_frames_are_none() -> None:
-    assert not notes(rod(1.0, 0.0))
-    assert not notes(rod(1.0, 1e-19))
+    for radius, told in ((0.0, 0), (0.9e-6, 0), (1.1e-6, 1)):  # a point, to a micrometre
+        assert len(notes(rod(1.0, radius**2))) == told
     assert not notes(rod(0.0, 0.0))
+
+
+@pytest.mark.parametrize(("bad", "more"), [(3, ""), (4, "; and 1 more alike"), (6, "; and 3 more alike")])
+def test_three_links_are_named(bad: int, more: str) -> None:
+    link = rod(1400.0, 0.012).links[0]
+    links = [replace(link, name=f"l{k}", parent=k - 1, joint=replace(link.joint, name=f"j{k}")) for k in range(bad)]
+    (told,) = notes(Mechanism(Description("many", tuple(links))))
+    assert told.count("denser") == 3
+    assert f"denser than any material{more}; expected" in told
+
+
+@pytest.mark.parametrize(("massless", "told"), [(4, 1), (5, 0)])
+def test_a_floating_base_falls_and_takes_no_torque(massless: int, told: int) -> None:
+    """One begins with five massless links."""
+    last, still = rod(2.0, 0.1, 1.0).links[0], Pose.identity()
+    links = [
+        Link(f"l{k}", k - 1, Joint(f"j{k}", JointKind.PRISMATIC, np.eye(3)[k % 3]), still, still, massless=True)
+        for k in range(massless)
+    ]
+    assert len(notes(Mechanism(Description("base", (*links, replace(last, parent=massless - 1)))))) == told
+
+
+@pytest.mark.parametrize(
+    ("kind", "lower", "upper", "tried"),
+    [
+        (JointKind.REVOLUTE, -1.0, 2.0, (-1.0, 2.0)),
+        (JointKind.REVOLUTE, -4.0, 4.0, (-4.0, 2.0 * math.pi - 4.0)),
+        (JointKind.CONTINUOUS, -math.inf, math.inf, (-math.pi, math.pi)),
+        (JointKind.PRISMATIC, -4.0, 4.0, (-4.0, 4.0)),
+        (JointKind.PRISMATIC, 0.5, math.inf, (0.5, 2.5)),
+        (JointKind.PRISMATIC, -math.inf, 3.0, (1.0, 3.0)),
+        (JointKind.PRISMATIC, -math.inf, math.inf, (-1.0, 1.0)),
+    ],
+)
+def test_joints_are_tried_within_a_turn_or_two_metres_of_their_limits(
+    kind: JointKind, lower: float, upper: float, tried: tuple[float, float]
+) -> None:
+    assert _range(Joint("j", kind, limits=Limits(lower, upper))) == pytest.approx(tried)
 
 
 @pytest.mark.parametrize(("share", "told"), [(1.05, 0), (1.09, 0), (1.12, 1), (3.0, 1)])

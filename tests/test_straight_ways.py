@@ -62,6 +62,8 @@ def test_arms_are_followed_as_they_are_step_by_step(name: str) -> None:
     if len(within) < len(p):
         with pytest.raises(SingularityError):
             fast.follow(p)
+    q, begin = (np.tile(x, (2, 1)) for x in (fast.reference, fast._start))
+    assert fast._ways.followed(q, begin, np.full((2, 3), 0.01), np.array([1, 3]))[1].all(), "all are sure"
 
 
 @pytest.mark.parametrize("name", mostly_at_night(sorted(RECIPES), "gears in a loop", "planar weld", "spatial hinge"))

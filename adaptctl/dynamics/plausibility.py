@@ -146,7 +146,7 @@ def _range(joint: Joint) -> tuple[float, float]:
         return lower, upper
     start = lower if math.isfinite(lower) else upper if math.isfinite(upper) else 0.0
     way = math.pi if joint.kind.is_revolute else 1.0
-    inside = start if not math.isfinite(start) else min(max(start, lower + way), upper - way)
+    inside = min(max(start, lower + way), upper - way)
     return inside - way, inside + way
 
 
