@@ -16,7 +16,7 @@ from adaptctl.control import MinimumJerk, Sinusoids, SlotineLi, Spline
 from adaptctl.control.task_space import TaskSpaceSlotineLi
 from adaptctl.description import Description, Joint, JointKind, Limits, Link, Pose
 from adaptctl.description.inertia import from_center_of_mass
-from adaptctl.dynamics import Mechanism, load
+from adaptctl.dynamics import Mechanism, load, plausibility
 from adaptctl.dynamics.plausibility import _range, warn_of_implausible
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import PlausibilityWarning, ReferenceWarning
@@ -128,6 +128,15 @@ def test_joints_are_tried_within_a_turn_or_two_metres_of_their_limits(
 def test_gravity_beyond_the_torque_limit_by_a_tenth(share: float, told: int) -> None:
     arm = rod(2.0, 0.1, 2.0 * 9.81 * 0.5 / share)
     assert len(notes(arm)) == told
+
+
+@pytest.mark.parametrize(("share", "refined"), [(0.45, False), (0.55, True), (1.05, True), (1.15, False)])
+def test_postures_are_refined_where_they_decide(share: float, refined: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    tried: list[int] = []
+    torques = plausibility._torques
+    monkeypatch.setattr(plausibility, "_torques", lambda arm, p: tried.append(len(p)) or torques(arm, p))
+    notes(rod(2.0, 0.1, 2.0 * 9.81 * 0.5 / share))
+    assert (len(tried) > 1) is refined
 
 
 def test_only_postures_within_position_limits_count() -> None:
