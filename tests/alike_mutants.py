@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 ALIKE = {
+    "adaptctl/logs/joint_states_cdr.py::<module> 8 -> 9 (again 1)": "layouts that are forgotten are found again",
     "adaptctl/dynamics/loops/continuation.py::Continuation.follow 1 -> 2 (again 2)": "NumPy takes -2 for -1 in a shape",
     "adaptctl/dynamics/inverse_kinematics.py::<module> 4 -> 5": "one more step at the goal moves nothing",
     "adaptctl/dynamics/inverse_kinematics.py::Tip.joints 1 -> 2 (again 3)": "as above",

@@ -30,7 +30,7 @@ from adaptctl.identification.log_files import read_log
 from adaptctl.logs import child, isolated
 from adaptctl.logs.foxglove import read_mcap
 from adaptctl.logs.lerobot import _joints, read_lerobot
-from adaptctl.logs.parquet import FREE, MAX_RATIO, _validate_unpacked
+from adaptctl.logs.parquet import _validate_unpacked
 from adaptctl.logs.rerun_recording import _timeline
 from adaptctl.logs.ros_bag import joint_table, read_ros_bag
 
@@ -375,12 +375,16 @@ def test_a_table_may_be_so_many_times_as_large_unpacked_as_its_file(tmp_path: Pa
         groups = [SimpleNamespace(total_byte_size=size) for size in sizes]
         return SimpleNamespace(num_row_groups=len(sizes), row_group=groups.__getitem__)
 
-    most = FREE + 1000 * MAX_RATIO
+    most = 400 * 2**20 + 1000 * 1000
     _validate_unpacked(path, declared(0))
     _validate_unpacked(path, declared(most - 7, 7))
     for sizes in ((most, 1), (-1,)):
         with pytest.raises(FileError, match="more than is read"):
             _validate_unpacked(path, declared(*sizes))
+    os.truncate(path, 2**30)  # of zeros, which take no room on disk
+    _validate_unpacked(path, declared(8 * 2**30))
+    with pytest.raises(FileError, match="more than is read"):
+        _validate_unpacked(path, declared(8 * 2**30 + 1))
 
 
 def test_a_reader_is_bound_in_memory_and_time_and_leaves_no_core(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,6 +18,7 @@ import pytest
 from adaptctl.arrays import MAX_SETTING
 from adaptctl.errors import FileError, NotFoundError
 from adaptctl.logs import isolated, lerobot, on_disk, parquet, rerun_recording, ros_bag, text, units
+from adaptctl.logs.joint_states_cdr import JointStates
 from adaptctl.logs.table import LogTable, table, validate_size, whole_stamps
 from adaptctl.logs.text import read_delimited
 from adaptctl.logs.text_form import _is_row, form_of
@@ -294,14 +295,13 @@ def test_features_of_a_data_set_are_told_by_words_in_their_names() -> None:
 
 def test_a_data_set_has_settings_and_files_up_to_a_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "meta").mkdir()
-    info = written(tmp_path / "meta", '{"features": 1}', "info.json")
+    info = written(tmp_path / "meta", '{"features": 1}'.ljust(2**22), "info.json")
     assert lerobot.is_lerobot(tmp_path)
     assert not lerobot.is_lerobot(tmp_path / "meta")
-    monkeypatch.setattr(lerobot, "MAX_INFO", info.stat().st_size)
     assert lerobot._info(tmp_path) == {"features": 1}
-    monkeypatch.setattr(lerobot, "MAX_INFO", info.stat().st_size - 1)
+    info.write_text(info.read_text() + " ")
     monkeypatch.chdir(tmp_path)  # where long, paths are cut in messages
-    with pytest.raises(FileError, match="larger than 14 bytes"):
+    with pytest.raises(FileError, match="larger than 4194304 bytes"):
         lerobot._info(Path())
     monkeypatch.setattr(lerobot, "MAX_FILES", 2)
     for k in (10, 9):
@@ -335,6 +335,17 @@ def test_joint_states_are_those_of_one_robot() -> None:
     )
     with pytest.raises(FileError, match="no joint state has names"):
         ros_bag.joint_table("bag", states([]))
+
+
+def test_a_bag_is_refused_before_it_is_read_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By its messages so far, decoded one by one or many at a time."""
+    many = JointStates(["a"], np.arange(2), np.arange(2), {field: np.zeros((2, 1)) for field, _ in ros_bag.FIELDS})
+    monkeypatch.setattr("adaptctl.logs.table.MAX_ROWS", 3)
+    assert len(ros_bag.joint_table("bag", [*states(["a"]), many])) == 3
+    left = iter([many, many, many])
+    with pytest.raises(FileError, match="has 4 rows, more than the limit of 3"):
+        ros_bag.joint_table("bag", left)
+    assert len(list(left)) == 1
 
 
 def test_only_joint_states_of_one_topic_are_read() -> None:
