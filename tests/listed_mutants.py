@@ -952,7 +952,7 @@ LISTED: tuple[Listed, ...] = (
         "adaptctl/hardware/timing.py",
         "self.late + 1 if ratio > 1.0 + TOLERANCE else 0",
         "self.late + 1 if ratio > 1.0 + TOLERANCE else self.late",
-        ("tests/test_drive_parts.py::test_times_of_periods_are_counted",),
+        ("tests/test_loop_periods.py::test_times_of_periods_are_counted",),
     ),
     Listed(
         "of two robots' rates one's own",
