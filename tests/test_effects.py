@@ -149,9 +149,12 @@ def test_filtered_differences_have_the_gain_and_the_delay_of_their_transfer_func
 @given(st.floats(0.0, 10.0), st.floats(0.0, 10.0), st.floats(0.0, 10.0), st.floats(-50.0, 50.0))
 def test_friction_takes_energy_out_and_is_odd(viscous: float, coulomb: float, stribeck: float, v: float) -> None:
     friction = Friction(viscous, coulomb, stribeck, 0.1)
-    torque = friction.torque(Column((v,)))[0]
+    held = Column((7.0,))
+    torque = friction.torque(Column((v,)), held)[0]
     assert torque * v >= 0.0
-    assert friction.torque(Column((-v,)))[0] == -torque
+    assert friction.torque(Column((-v,)), held)[0] == -torque
+    loaded = Friction(viscous, coulomb, stribeck, 0.1, load=0.3).torque(Column((v,)), Column((-7.0,)))[0]
+    assert loaded == pytest.approx(Friction(viscous, coulomb + 2.1, stribeck, 0.1).torque(Column((v,)), held)[0])
     assert abs(torque) <= friction.max_slope(1)[0] * abs(v) * (1.0 + 1e-12) + 1e-300
 
 
@@ -161,7 +164,7 @@ def test_friction_falls_from_static_to_coulomb_and_rises_again() -> None:
     expected = 2.0 * speeds + (10.0 + 5.0 / (1.0 + speeds**2)) * speeds / np.sqrt(
         speeds**2 + COULOMB_SMOOTHING_SPEED**2
     )
-    curve = np.array([friction.torque(Column((v,)))[0] for v in speeds.tolist()])
+    curve = np.array([friction.torque(Column((v,)), Column((7.0,)))[0] for v in speeds.tolist()])
     np.testing.assert_allclose(curve, expected, rtol=1e-12)
     assert curve[1] < curve[0] + 2.0 * 0.8
     assert curve[3] == pytest.approx(2010.0, rel=1e-6)

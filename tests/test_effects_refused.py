@@ -64,6 +64,8 @@ def test_what_cannot_be_is_refused(make: Any, error: type[Exception], message: s
             r"friction: coulomb: expected a number or 6 of them, got shape \(2,\)",
         ),
         (Friction(stribeck=math.inf), InputError, "friction: expected finite numbers"),
+        (Friction(load=math.inf), InputError, "friction: expected finite numbers"),
+        (Friction(load=-0.1), InputError, "friction: load: expected numbers of at least 0, got -0.1"),
         (TorqueRateLimit(math.nan), InputError, "torque rate limit: expected numbers of at least 0"),
         (TorqueLimit([-1.0] * 6), InputError, "torque limit: expected numbers of at least 0"),
         (Encoder(resolution=math.inf), InputError, "encoder: resolution: expected finite numbers"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation import LinearlyImplicitEuler, Plant, RungeKutta4, simulate_many
-from adaptctl.simulation.effects import Effect, ElasticJoints, Friction, LuGre
+from adaptctl.simulation.effects import Effect, ElasticJoints, Friction, JointEffect, LuGre
 from adaptctl.simulation.integrator import integration
 
 SLEDGE = """
@@ -42,11 +43,11 @@ def sledge(tmp_path: Path) -> Mechanism:
 
 
 def moved(arm: Mechanism, effect: Effect, forces: Array, speed: float = 0.0, substeps: int = 4) -> Array:
-    """Positions, velocities and deflections (n, 3) before each millisecond of a force."""
+    """Positions, velocities and deflections, if any, (n, 3) before each millisecond of a force."""
     plant = Plant(arm, 1e-3, substeps, LinearlyImplicitEuler(), effects=[effect])
     state, rows = plant.init([0.0], [speed]), []
     for force in forces:
-        rows.append((state.p[0], state.v[0], state.drives[0]))
+        rows.append((state.p[0], state.v[0], *state.drives))
         state = plant.step(state, [force])
     return np.array(rows)
 
@@ -68,32 +69,51 @@ def test_bristles_bend_as_in_the_paper_before_the_block_breaks_away(sledge: Mech
 @pytest.mark.parametrize("speed", [-0.5, -2e-3, 5e-4, 1e-3, 0.1])
 def test_steady_sliding_takes_the_curve_of_stribeck(sledge: Mechanism, speed: float) -> None:
     held = (1.0 + 0.5 * np.exp(-((speed / 1e-3) ** 2))) * np.sign(speed) + 0.4 * speed
-    assert PAPER.torque(np.array([speed]))[0] == pytest.approx(held, rel=1e-12)
+    free = np.zeros(1)
+    assert PAPER.torque(np.array([speed]), free)[0] == pytest.approx(held, rel=1e-12)
     heavy = sledge.with_parameters(1e9 * sledge.inertial_parameters)  # a mass whose speed friction does not change
-    taken = PAPER.resistance(*(np.array([x]) for x in (moved(heavy, PAPER, np.zeros(2000), speed)[-1, 2], speed)), 1e-9)
+    bent = moved(heavy, PAPER, np.zeros(2000), speed)[-1, 2]
+    taken = PAPER.resistance(np.array([bent]), np.array([speed]), free, 1e-9)
     assert taken[0][0] + taken[1][0] * speed == pytest.approx(held, rel=1e-6)
 
 
-def test_a_pendulum_moves_as_by_the_dynamics_of_pinocchio(tmp_path: Path) -> None:
+def bristles(v: float, z: float, torque: float) -> tuple[float, float]:
+    """Friction and bending of 1e4 N m/rad."""
+    bending = v - 1e4 * abs(v) / (1.0 + 0.5 * np.exp(-((v / 0.05) ** 2))) * z
+    return 1e4 * z + 5.0 * bending + 0.2 * v, bending
+
+
+def rising_with_the_load(v: float, z: float, torque: float) -> tuple[float, float]:
+    return 0.2 * v + (0.1 + 0.4 * abs(torque)) * v / np.hypot(v, 0.01), 0.0
+
+
+@pytest.mark.parametrize(
+    ("effect", "law"),
+    [
+        (LuGre(1.0, 1e4, stribeck=0.5, damping=5.0, viscous=0.2), bristles),
+        (Friction(0.2, 0.1, load=0.4), rising_with_the_load),
+    ],
+    ids=["LuGre", "load"],
+)
+def test_a_pendulum_moves_as_by_the_dynamics_of_pinocchio(tmp_path: Path, effect: JointEffect, law: Any) -> None:
     pin, integrate = pytest.importorskip("pinocchio"), pytest.importorskip("scipy.integrate")
     path = written(tmp_path, PENDULUM)
     model = pin.buildModelFromUrdf(str(path))
-    data, k, d = model.createData(), 1e4, 5.0
+    data = model.createData()
     levels = (3.0, -4.0, 1.2, 0.0)
 
     def rates(t: float, x: Array, torque: float) -> list[float]:
         q, v, z = x
-        bending = v - k * abs(v) / (1.0 + 0.5 * np.exp(-((v / 0.05) ** 2))) * z
-        friction = k * z + d * bending + 0.2 * v
+        friction, bending = law(v, z, torque)
         return [v, pin.aba(model, data, np.array([q]), np.array([v]), np.array([torque - friction]))[0], bending]
 
     x, exact, times = np.zeros(3), [], 1e-3 * np.arange(251)
     for level in levels:
         found = integrate.solve_ivp(rates, (0.0, 0.25), x, "Radau", times, args=(level,), rtol=1e-8, atol=1e-11).y
         exact, x = [*exact, *found[:, :-1].T], found[:, -1]
-    effect = LuGre(1.0, k, stribeck=0.5, damping=d, viscous=0.2)
     torques = np.repeat(levels, 250)
-    errors = [np.abs(moved(load(path), effect, torques, substeps=n) - exact)[:, 0].max() for n in (4, 16)]
+    positions = (moved(load(path), effect, torques, substeps=n)[:, 0] for n in (4, 16))
+    errors = [np.abs(p - np.array(exact)[:, 0]).max() for p in positions]
     assert np.ptp(exact, axis=0)[0] > 1.0
     assert errors[0] < 2e-3
     assert errors[1] < 0.5 * errors[0]
@@ -125,9 +145,10 @@ def test_many_arms_are_one_by_one(tmp_path: Path) -> None:
 
 def test_sticking_needs_an_implicit_integrator(sledge: Mechanism) -> None:
     assert integration(sledge, [PAPER], 1e-3) == (4, LinearlyImplicitEuler())
-    needs = r"joints that stick, as by LuGre, need integrator=LinearlyImplicitEuler\(\)"
-    with pytest.raises(InputError, match=needs):
-        Plant(sledge, 1e-3, effects=[PAPER])
+    needs = r"joints that stick, as by LuGre, or friction with a load need integrator=LinearlyImplicitEuler\(\)"
+    for effect in (PAPER, Friction(load=0.1)):
+        with pytest.raises(InputError, match=needs):
+            Plant(sledge, 1e-3, effects=[effect])
     with pytest.raises(InputError, match=needs):
         integration(sledge, [PAPER], 1e-3, RungeKutta4())
 

@@ -15,8 +15,8 @@ from adaptctl.dynamics import Mechanism, load
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.simulation import Plant, rollout
-from adaptctl.simulation.effects import ControlDelay, Friction
+from adaptctl.simulation import LinearlyImplicitEuler, Plant, rollout
+from adaptctl.simulation.effects import ControlDelay, Friction, LuGre
 from adaptctl.simulation.systems import (
     closed_loop_system,
     controller_start,
@@ -144,6 +144,10 @@ def test_the_first_state_is_that_of_one_arm(puma: Mechanism, which: int) -> None
 
 def test_a_plant_that_remembers_is_refused(puma: Mechanism) -> None:
     """Its state would be more than p and v; friction in the joints is not."""
-    with pytest.raises(InputError, match="expected a plant with joint effects only"):
-        plant_system(Plant(puma, PERIOD, effects=[ControlDelay(1)]))
+    for plant in (
+        Plant(puma, PERIOD, effects=[ControlDelay(1)]),
+        Plant(puma, PERIOD, 4, LinearlyImplicitEuler(), effects=[LuGre(1.0, 1e4)]),
+    ):
+        with pytest.raises(InputError, match="expected a plant with joint effects without a state only"):
+            plant_system(plant)
     assert plant_system(Plant(puma, PERIOD, effects=[Friction(viscous=1.0)])).nstates == 12

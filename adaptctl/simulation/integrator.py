@@ -358,7 +358,9 @@ def validate_explicit(
 ) -> None:
     """Raise `InputError` if joints stick, or if explicit steps are too few for elastic joints."""
     if any(np.isinf(effect.max_slope(mechanism.dof)).any() for effect in effects):
-        raise InputError("plant: joints that stick, as by LuGre, need integrator=LinearlyImplicitEuler()")
+        raise InputError(
+            "plant: joints that stick, as by LuGre, or friction with a load need integrator=LinearlyImplicitEuler()"
+        )
     if transmission is None:
         return
     waves, decay = transmission.rates(mechanism, sampled_configurations(mechanism))

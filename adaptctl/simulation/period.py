@@ -16,9 +16,8 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.equations import Equations
 from adaptctl.errors import AdaptctlError
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
-from adaptctl.scalars import Column, Scalar, absolute, clip, where
+from adaptctl.scalars import Column, Scalar, clip
 from adaptctl.simulation.effects import JointEffect, PlantEffects
-from adaptctl.simulation.effects.lugre import LuGre
 from adaptctl.simulation.effects.plant_effects import differs
 from adaptctl.simulation.integrator import Integrator
 from adaptctl.simulation.transmission import Motors, Transmission
@@ -65,10 +64,6 @@ def _terms(row: np.ndarray) -> tuple[tuple[int, float], ...]:
 HeldMotion: TypeAlias = Callable[[Column, Column, Column, Column], tuple[Column, Column]]
 """From q (n,), v (r,), torque (r,) and parameters (P,) to q and v a period later, motors (r,) appended."""
 
-MIN_SECANT_SPEED = 1e-9
-"""rad/s (m/s); below, friction's slope at rest is used"""
-
-
 Resistance: TypeAlias = Callable[[Column], tuple[Column, Column]]
 """From velocities (r,) to torques (r,) and slopes (r,) of friction near these"""
 
@@ -92,11 +87,11 @@ def held_motion(
     """Motion over one control period under a held torque."""
     dt, several = control_period / substeps, integrator.stages > 1
     fewer = fundamental_motion(mechanism) if transmission is None else None
-    smooth = [effect for effect in friction if not isinstance(effect, LuGre)]
-    bodies = _rigid(mechanism.equations if fewer is None else fewer.equations, integrator, smooth, dt)
+    stateless = [effect for effect in friction if not effect.has_state]
+    bodies = _rigid(mechanism.equations if fewer is None else fewer.equations, integrator, stateless, dt)
     for effect in friction:
-        if isinstance(effect, LuGre):
-            bodies = on_bristles(bodies, effect, mechanism.dof, 0.5 * dt)
+        if effect.has_state:
+            bodies = with_state(bodies, effect, mechanism.dof, 0.5 * dt)
     if transmission is not None:
         bodies = behind_springs(bodies, transmission, dt if integrator.implicit else 0.0)
 
@@ -124,12 +119,14 @@ def _rigid(equations: Equations, integrator: Integrator, friction: Sequence[Join
 
     def moved(q: Column, v: Column, torque: Column, parameters: Column, *more: Resistance) -> tuple[Column, Column]:
         if not integrator.implicit:
-            return shared(q, v, torque - _resisting(friction, v), parameters)
+            resisting = sum((effect.torque(v, torque) for effect in friction), Column.zeros(len(v)))
+            return shared(q, v, torque - resisting, parameters)
 
         def resisted(speed: Column) -> tuple[Column, Column]:
+            each = [effect.resistance(Column(()), speed, torque, dt) for effect in friction]
+            each += [one(speed) for one in more]
             none = Column.zeros(len(v))
-            helds, slopes = zip((none, _secants(friction, speed)), *(one(speed) for one in more), strict=True)
-            return sum(helds, none), sum(slopes, none)
+            return sum((fixed for fixed, _ in each), none), sum((slope for _, slope in each), none)
 
         return equations.joint_velocities(q, v), equations.damped_dynamics(q, v, torque, parameters, dt, resisted)
 
@@ -159,17 +156,17 @@ def behind_springs(links: Bodies, transmission: Transmission, dt: float) -> Bodi
     return Bodies(rates, moved, projected)
 
 
-def on_bristles(links: Bodies, friction: LuGre, r: int, half: float) -> Bodies:
-    """Equations of motion of links and of the deflections of bristles, over half an implicit step."""
+def with_state(links: Bodies, friction: JointEffect, r: int, half: float) -> Bodies:
+    """Equations of motion of links and of an effect's state, over half an implicit step."""
     parted = partial(parted_at, r)
 
     def rates(x: Column, v: Column) -> Column:
         q, z = parted(x)
-        return joined(links.rates(q, v), (1.0 / half) * (friction.deflected(z, v, half) - z))
+        return joined(links.rates(q, v), (1.0 / half) * (friction.moved_state(z, v, half) - z))
 
     def moved(x: Column, v: Column, torque: Column, parameters: Column, *more: Resistance) -> tuple[Column, Column]:
         q, z = parted(x)
-        return links.moved(q, v, torque, parameters, lambda s: friction.resistance(z, s, half), *more)
+        return links.moved(q, v, torque, parameters, lambda s: friction.resistance(z, s, torque, half), *more)
 
     def projected(x: Column) -> Column:
         q, z = parted(x)
@@ -186,18 +183,6 @@ def parted_at(last: int, both: Column) -> tuple[Column, Column]:
 def joined(links: Column, motors: Column) -> Column:
     """Concatenated column of links and motors."""
     return Column((*links, *motors))
-
-
-def _resisting(friction: Sequence[JointEffect], v: Column) -> Column:
-    return sum((effect.torque(v) for effect in friction), Column.zeros(len(v)))
-
-
-def _secants(friction: Sequence[JointEffect], v: Column) -> Column:
-    """Friction (r,) divided by velocity, its slope where a joint rests."""
-    if not friction:
-        return Column.zeros(len(v))
-    speeds = Column(where(absolute(x) > MIN_SECANT_SPEED, x, MIN_SECANT_SPEED) for x in v)
-    return Column(torque / speed for torque, speed in zip(_resisting(friction, speeds), speeds, strict=True))
 
 
 class PlantState(NamedTuple):

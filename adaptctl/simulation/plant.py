@@ -252,7 +252,7 @@ class Plant(Tunable):
             held = self._holding(q, self._true(0.0) if parameters is None else parameters)
         drives = self._effects.drive_memory(held, self.control_period)
         theta = p if self._transmission is None else p + held / self._transmission.stiffness
-        unbent, motors = np.zeros((*arms, self._effects.bristles(self.dof))), (theta, v) if self.is_elastic else ()
+        unbent, motors = np.zeros((*arms, self._effects.friction_size(self.dof))), (theta, v) if self.is_elastic else ()
         drives = np.concatenate((drives, unbent, *motors), axis=-1)
         sensed = theta if self._effects.senses_motors else p
         sensors = self._effects.sensor_memory(sensed, v, self.control_period)

@@ -89,7 +89,7 @@ def plant_system(plant: Plant, name: str = "plant") -> control.NonlinearIOSystem
     Raises
     ------
     InputError
-        If the plant has effects other than in the joints: its state is then more than p and v.
+        If the plant has effects other than in the joints, or with a state: its state is then more than p and v.
     MissingExtraError
         If python-control is not installed.
 
@@ -105,8 +105,8 @@ def plant_system(plant: Plant, name: str = "plant") -> control.NonlinearIOSystem
     (4, 0.001)
     """
     r = plant.dof
-    if any(not isinstance(effect, JointEffect) for effect in plant.effects):
-        raise InputError("plant_system: expected a plant with joint effects only, such as Friction")
+    if any(not isinstance(effect, JointEffect) or effect.has_state for effect in plant.effects):
+        raise InputError("plant_system: expected a plant with joint effects without a state only, such as Friction")
 
     def update(t: float, x: Array, u: Array, params: Any) -> Array:
         after = plant.step(plant.init(np.array(x[:r]), np.array(x[r:])), np.array(u))

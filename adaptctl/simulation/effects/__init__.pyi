@@ -7,8 +7,8 @@ from adaptctl.simulation.effects.effect import Effect as Effect
 from adaptctl.simulation.effects.effect import JointEffect as JointEffect
 from adaptctl.simulation.effects.effect import LoadEffect as LoadEffect
 from adaptctl.simulation.effects.effect import SensorEffect as SensorEffect
+from adaptctl.simulation.effects.friction import Friction as Friction
 from adaptctl.simulation.effects.joints import ElasticJoints as ElasticJoints
-from adaptctl.simulation.effects.joints import Friction as Friction
 from adaptctl.simulation.effects.joints import Payload as Payload
 from adaptctl.simulation.effects.joints import PayloadHeld as PayloadHeld
 from adaptctl.simulation.effects.lugre import LuGre as LuGre

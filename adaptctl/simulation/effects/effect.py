@@ -10,10 +10,13 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, numbers, per_joint, positive_number
 from adaptctl.errors import InputError
-from adaptctl.scalars import Column
+from adaptctl.scalars import Column, absolute, where
 
 if TYPE_CHECKING:
     from adaptctl.description import Description
+
+MIN_SECANT_SPEED = 1e-9
+"""rad/s (m/s); below, friction's slope at rest is used"""
 
 
 class Effect(ABC):
@@ -183,7 +186,8 @@ class JointEffect(Effect):
 
     Notes
     -----
-    They depend on velocities alone and dissipate energy.
+    They dissipate energy. A subclass whose torque depends on a state (r,), zero at first, sets `has_state`, and has
+    `moved_state` and `resistance` of its own.
 
     Examples
     --------
@@ -192,8 +196,10 @@ class JointEffect(Effect):
     array([1.5, 1.5])
     """
 
+    has_state: ClassVar[bool] = False
+
     @abstractmethod
-    def torque(self, v: Column) -> Column:
+    def torque(self, v: Column, held: Column) -> Column:
         """
         Return the resisting torque.
 
@@ -201,12 +207,59 @@ class JointEffect(Effect):
         ----------
         v : Column
             Velocities (r,) in rad/s (m/s if prismatic).
+        held : Column
+            Torque (r,) on the joints, of the drives or of the springs of elastic joints, N m (N).
 
         Returns
         -------
         Column
             Torque (r,) in N m (N), of the sign of v: it is subtracted from the drives' torque.
         """
+
+    def resistance(self, z: Column, v: Column, held: Column, time: float) -> tuple[Column, Column]:
+        """
+        Compute what makes the resisting torque at the end of a step, torque plus slope times velocity.
+
+        Parameters
+        ----------
+        z : Column
+            State (r,) before the step, or () without one.
+        v : Column
+            Velocities (r,) in rad/s (m/s) near those of the end.
+        held : Column
+            Torque (r,) on the joints in N m (N).
+        time : float
+            Step in s.
+
+        Returns
+        -------
+        tuple of Column
+            Torques (r,) in N m (N) and slopes (r,) in N m s/rad (N s/m), at least zero; of this base class none, and
+            torque divided by velocity.
+        """
+        speeds = Column(where(absolute(x) > MIN_SECANT_SPEED, x, MIN_SECANT_SPEED) for x in v)
+        slopes = (torque / speed for torque, speed in zip(self.torque(speeds, held), speeds, strict=True))
+        return Column.zeros(len(v)), Column(slopes)
+
+    def moved_state(self, z: Column, v: Column, time: float) -> Column:
+        """
+        Compute the state after a step at constant velocities.
+
+        Parameters
+        ----------
+        z : Column
+            State (r,) before the step, or () without one.
+        v : Column
+            Velocities (r,) in rad/s (m/s if prismatic).
+        time : float
+            Step in s.
+
+        Returns
+        -------
+        Column
+            State (r,) at its end; of this base class the same.
+        """
+        return z
 
     @abstractmethod
     def max_slope(self, dof: int) -> Array:

@@ -64,6 +64,8 @@ class LuGre(JointEffect):
     2
     """
 
+    has_state = True
+
     coulomb: ArrayLike
     stiffness: ArrayLike
     stribeck: ArrayLike = 0.0
@@ -82,7 +84,7 @@ class LuGre(JointEffect):
                 kind = "positive, finite" if name in POSITIVE else "finite"
                 raise InputError(f"LuGre: {name}: expected {kind} numbers, got {values.tolist()}")
 
-    def torque(self, v: Column) -> Column:
+    def torque(self, v: Column, held: Column) -> Column:
         """Resisting torque (r,) of steady sliding."""
         signs = Column(where(x < 0.0, -1.0, where(x > 0.0, 1.0, 0.0)) for x in v)
         return signs * self._level(v) + self._each("viscous", v) * v
@@ -91,61 +93,15 @@ class LuGre(JointEffect):
         """Infinite slopes (r,): a joint sticks."""
         return np.full(dof, np.inf)
 
-    def deflected(self, z: Column, v: Column, time: float) -> Column:
-        """
-        Compute the deflections after a step at constant velocities, by the implicit Euler method.
-
-        Parameters
-        ----------
-        z : Column
-            Deflections (r,) in rad (m if prismatic).
-        v : Column
-            Velocities (r,) in rad/s (m/s).
-        time : float
-            Step in s.
-
-        Returns
-        -------
-        Column
-            Deflections (r,) in rad (m) at its end.
-
-        Examples
-        --------
-        >>> from adaptctl.scalars import column
-        >>> from adaptctl.simulation.effects import LuGre
-        >>> round(float(LuGre(2.0, 1e4).deflected(column([0.0]), column([0.5]), 1.0)[0]), 6)  # 2 N m by 1e4 N m/rad
-        0.0002
-        """
+    def moved_state(self, z: Column, v: Column, time: float) -> Column:
+        """Deflections (r,) after a step, by the implicit Euler method."""
         return self._kept(v, time) * (z + time * v)
 
-    def resistance(self, z: Column, v: Column, time: float) -> tuple[Column, Column]:
-        """
-        Compute what makes the friction at the end of a step, torque plus slope times velocity.
-
-        Parameters
-        ----------
-        z : Column
-            Deflections (r,) before the step in rad (m if prismatic).
-        v : Column
-            Velocities (r,) in rad/s (m/s) near those of the end.
-        time : float
-            Step in s.
-
-        Returns
-        -------
-        tuple of Column
-            Torques (r,) in N m (N) and slopes (r,) in N m s/rad (N s/m), at least zero.
-
-        Examples
-        --------
-        >>> from adaptctl.scalars import column
-        >>> from adaptctl.simulation.effects import LuGre
-        >>> [float(x[0]) for x in LuGre(2.0, 1e4).resistance(column([1e-4]), column([0.0]), 1e-3)]
-        [1.0, 10.0]
-        """
+    def resistance(self, z: Column, v: Column, held: Column, time: float) -> tuple[Column, Column]:
+        """Torques (r,) and slopes (r,) of bristles and oil."""
         kept, stiffness, damping = self._kept(v, time), self._each("stiffness", v), self._each("damping", v)
-        held = kept * (stiffness - damping * self._fading(v)) * z
-        return held, kept * (time * stiffness + damping) + self._each("viscous", v)
+        bent = kept * (stiffness - damping * self._fading(v)) * z
+        return bent, kept * (time * stiffness + damping) + self._each("viscous", v)
 
     def _kept(self, v: Column, time: float) -> Column:
         return Column(1.0 / (1.0 + time * rate) for rate in self._fading(v))

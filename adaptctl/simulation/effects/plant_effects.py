@@ -13,7 +13,6 @@ from adaptctl.errors import InputError, shown
 from adaptctl.scalars import Column, Scalar, absolute, maximum, where
 from adaptctl.simulation.effects.effect import ActuatorEffect, Effect, JointEffect, LoadEffect, SensorEffect
 from adaptctl.simulation.effects.joints import MOTOR, ElasticJoints
-from adaptctl.simulation.effects.lugre import LuGre
 
 KINDS = (ActuatorEffect, SensorEffect, JointEffect, LoadEffect, ElasticJoints)
 """base classes that a plant accepts"""
@@ -77,11 +76,13 @@ class PlantEffects:
             if not isinstance(effect, KINDS):
                 names = ", ".join(kind.__name__ for kind in KINDS[:3])
                 raise InputError(f"effects: expected effects derived from {names} or LoadEffect, got {shown(effect)}")
-        _validate_single([e for e in given if isinstance(e, ActuatorEffect | SensorEffect | ElasticJoints | LuGre)])
+        joints = tuple(e for e in given if isinstance(e, JointEffect))
+        single = [e for e in given if isinstance(e, ActuatorEffect | SensorEffect | ElasticJoints)]
+        _validate_single(single + [e for e in joints if e.has_state])
         return cls(
             tuple(sorted((e for e in given if isinstance(e, ActuatorEffect)), key=_rank)),
             tuple(sorted((e for e in given if isinstance(e, SensorEffect)), key=_rank)),
-            tuple(e for e in given if isinstance(e, JointEffect)),
+            joints,
             tuple(e for e in given if isinstance(e, LoadEffect)),
             next((e for e in given if isinstance(e, ElasticJoints)), None),
         )
@@ -115,9 +116,9 @@ class PlantEffects:
         """True if encoders are on the motors."""
         return self.elastic is not None and self.elastic.encoders == MOTOR
 
-    def bristles(self, dof: int) -> int:
+    def friction_size(self, dof: int) -> int:
         """
-        Return the number of deflections of bristles.
+        Return the number of states of joint effects, such as deflections of bristles.
 
         Parameters
         ----------
@@ -127,9 +128,9 @@ class PlantEffects:
         Returns
         -------
         int
-            Number r with `LuGre` among the effects, else 0.
+            Number r for each effect that has a state.
         """
-        return dof if any(isinstance(one, LuGre) for one in self.joints) else 0
+        return dof * sum(one.has_state for one in self.joints)
 
     def moved_size(self, dof: int) -> int:
         """
@@ -143,9 +144,9 @@ class PlantEffects:
         Returns
         -------
         int
-            Number of deflections of bristles, and of positions and velocities of motors behind springs.
+            Number of states of joint effects, and of positions and velocities of motors behind springs.
         """
-        return self.bristles(dof) + (2 * dof if self.elastic is not None else 0)
+        return self.friction_size(dof) + (2 * dof if self.elastic is not None else 0)
 
     @property
     def flags(self) -> tuple[str, ...]:
