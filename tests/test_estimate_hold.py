@@ -27,7 +27,7 @@ from adaptctl.control.adaptation.prior_ranges import PriorRanges, parameter_samp
 from adaptctl.control.gains.adaptation_ratio import stable_adaptation_below
 from adaptctl.control.gains.workspace import everywhere
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.errors import GainError, StabilityWarning, TuningWarning
+from adaptctl.errors import GainError, InputError, StabilityWarning, TuningWarning
 from adaptctl.identifiability import ReducedModel
 
 ARM = random_chain(3, 3)
@@ -164,8 +164,8 @@ def test_a_gain_is_lowered_to_half_of_what_a_delay_leaves_at_rest(delay: int) ->
     assert largest == pytest.approx(0.5 * stable_adaptation_below(h, delay))
 
 
-def test_gains_that_a_fall_under_gravity_precedes_are_told_with_a_delay() -> None:
-    """Which an estimate of zero does not hold at an error of 1 rad."""
+def test_gains_that_a_fall_under_gravity_precedes_are_refused_with_a_delay() -> None:
+    """Which an estimate of zero does not hold at an error of 1 rad; half of the arm's needs half of it."""
     model, gains = wrist()
     arm = model.mechanism
     gravity = np.abs([arm.inverse_dynamics(p, 0.0 * p, 0.0 * p) for p in everywhere(arm).samples]).max(axis=0)
@@ -176,10 +176,23 @@ def test_gains_that_a_fall_under_gravity_precedes_are_told_with_a_delay() -> Non
         held = Gains(share * errors.max() * gains.bandwidth, 0.3 * gains.damping)
         return {"gains": held, "control_period": PERIOD, "gain_scale": 1e-6}
 
-    adaptation_gain(model, delay=1, **given(1.01))  # warns of nothing
-    adaptation_gain(model, **given(0.5))
-    with pytest.warns(TuningWarning, match=f"gravity at {farthest} only with an error of 2 rad"):
-        adaptation_gain(model, delay=1, **given(0.5))
+    adaptation_gain(model, **given(0.45))
+    expected = adaptation_gain(model, delay=1, **given(1.01))
+    half = 0.5 * model.fundamental_parameters
+    with pytest.raises(
+        GainError, match=f"gravity at {farthest} only at an error of 2.2 rad.* with a delay of 1 .*: begin"
+    ):
+        adaptation_gain(model, delay=1, **given(0.45))
+    with pytest.raises(GainError, match=r"error of 1\.1 rad.* initial=model\.fundamental_parameters"):
+        adaptation_gain(model, delay=1, initial=half, **given(0.45))
+    np.testing.assert_array_less(0.0, adaptation_gain(model, delay=1, initial=half, **given(0.55)))
+    described = model.fundamental_parameters
+    np.testing.assert_allclose(adaptation_gain(model, delay=1, initial=described, **given(1.01)), expected)
+    np.testing.assert_array_less(0.0, adaptation_gain(model, delay=1, initial=described, **given(0.31)))
+    with pytest.raises(GainError, match=r"with 30% of it unknown.* error of 1\.1 rad.*: take more damping"):
+        adaptation_gain(model, delay=1, initial=described, **given(0.27))
+    with pytest.raises(InputError, match="adaptation gain: initial"):
+        adaptation_gain(model, delay=1, initial=half[1:], **given(1.01))
 
 
 def test_gains_that_a_delay_makes_unstable_are_refused_with_the_most_that_holds() -> None:

@@ -169,7 +169,8 @@ def _largest_distance(gamma: Array, bound: Array) -> float:
 
 SAMPLING_RATIO_SHARE = 0.2  # for each parameter, of what the gains leave below the limit of stability
 ADAPTATION_RATIO_SHARE = 0.5  # at rest under gravity, of the limit with late torques
-MAX_FALL = 1.0  # rad (m) under gravity with an estimate of zero, with late torques
+MAX_FALL = 1.0  # rad (m) under gravity from the first estimate, with late torques
+UNKNOWN_SHARE = 0.3  # of gravity, even with the description's estimate
 RANGE_OF_KIND = {
     "m": "mass",
     **dict.fromkeys(("mc_x", "mc_y", "mc_z"), "first_moment"),
@@ -258,6 +259,7 @@ def adaptation_gain(
     control_period: float = 1e-3,
     workspace: Workspace | None = None,
     delay: int = 0,
+    initial: ArrayLike | None = None,
 ) -> Array:
     """
     Choose an adaptation gain from prior ranges of the parameters.
@@ -280,6 +282,8 @@ def adaptation_gain(
         Joint positions for these ratios. Unless given, all that the joints' limits allow.
     delay : int, default 0
         Control periods, 0 to 64, by which torques arrive late: an estimate that is too large then rings much earlier.
+    initial : array_like, optional
+        Estimate (k,) in SI units with which the controller begins. Default: zero.
 
     Returns
     -------
@@ -289,15 +293,15 @@ def adaptation_gain(
     Raises
     ------
     GainError
-        If the gains are unstable at this period and delay.
+        If the gains are unstable at this period and delay, or, with a delay, hold what the initial estimate misses of
+        gravity, or 30 % of it, only at an error of more than 1 rad (m): a falling arm may be lost.
     InputError
-        If a number is not positive, or gains are for another number of joints.
+        If a number is not positive, gains are for another number of joints, or an estimate of parameters.
 
     Warns
     -----
     TuningWarning
-        If a delay lowers the gain, with the factor, or if gravity lets an arm whose estimate is zero fall by more than
-        1 rad (m), as it may then be lost with a delay.
+        If a delay lowers the gain, with the factor.
 
     Examples
     --------
@@ -317,7 +321,7 @@ def adaptation_gain(
         return gain
     p = workspace_of(model.mechanism, workspace).samples
     at_rest = model.torque_regressor(p, np.zeros_like(p), np.zeros_like(p))
-    _warn_of_a_fall(model, at_rest, gains, delay)
+    _validate_start(model, at_rest, gains, delay, initial)
     most = ADAPTATION_RATIO_SHARE * stable_adaptation_below(stable_below(delay) - left, delay)
     if (ratio := adaptation_ratio(at_rest, gains.damping, gain, control_period)) <= most:
         return gain
@@ -329,17 +333,22 @@ def adaptation_gain(
     return gain * (most / ratio)
 
 
-def _warn_of_a_fall(model: ReducedModel, at_rest: Array, gains: Gains, delay: int) -> None:
-    """Warn if gains hold gravity only at a large error, by regressors (S, r, k) at rest."""
-    errors = np.abs(at_rest @ model.fundamental_parameters).max(axis=0) / (gains.damping * gains.bandwidth)
-    joint, error = model.mechanism.primary_joints[int(errors.argmax())], errors.max()
-    if error > MAX_FALL:
-        warn(
-            f"{model.mechanism.name}: adaptation gain: from an estimate of zero, these gains hold gravity at "
-            f"{joint.name} only with an error of {error:.2g} {joint.kind.position_unit}, and a falling arm may be lost "
-            f"with a delay of {delay}: begin with an estimate (`initial`), or with more damping or bandwidth there",
-            TuningWarning,
-        )
+def _validate_start(model: ReducedModel, at_rest: Array, gains: Gains, delay: int, initial: ArrayLike | None) -> None:
+    """Raise `GainError` if an arm falls far before gains hold it, by regressors (S, r, k) at rest."""
+    arm, own = model.mechanism, model.fundamental_parameters
+    known = 0.0 if initial is None else frozen_array(initial, own.shape, "adaptation gain: initial")
+    for begun, missing, cure in (
+        (f"with {UNKNOWN_SHARE:.0%} of it unknown", UNKNOWN_SHARE * own, "take"),
+        ("from this estimate", own - known, "begin with initial=model.fundamental_parameters, or take"),
+    ):
+        errors = np.abs(at_rest @ missing).max(axis=0) / (gains.damping * gains.bandwidth)
+        joint, error = arm.primary_joints[int(errors.argmax())], errors.max()
+        if error > MAX_FALL:
+            raise GainError(
+                f"{arm.name}: adaptation gain: {begun}, these gains hold gravity at {joint.name} only at an error of "
+                f"{error:.2g} {joint.kind.position_unit}, and with a delay of {delay} falling arms may be lost: {cure} "
+                "more damping or bandwidth there, or the default law, as of tune"
+            )
 
 
 def _left_by(gains: Gains, arm: Mechanism, control_period: float, workspace: Workspace | None, delay: int) -> float:
