@@ -48,7 +48,7 @@ def run() -> NoReturn:
 def _exit_at_once(code: int) -> NoReturn:
     """Exit without taking apart what was computed, which is done object by object and takes up to seconds."""
     atexit._run_exitfuncs()
-    for stream in (sys.stdout, sys.stderr):
+    for stream in filter(None, (sys.stdout, sys.stderr)):
         with suppress(OSError, ValueError):
             stream.flush()
     os._exit(code)

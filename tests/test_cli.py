@@ -259,7 +259,7 @@ def test_folder_that_cannot_be_written_is_refused_before_anything_is_run(
     assert "choose another folder" in refused(capsys, *RUN, "--out", "/proc/results")
 
 
-LISTED = f"{sys.executable} -m adaptctl.cli.main experiment list"
+LISTED = f"{sys.executable} -m adaptctl experiment list"
 
 
 def printed_at_once_and_at_the_end(command: str) -> list[subprocess.CompletedProcess[str]]:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import errno
-import os
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from io import TextIOWrapper
 from typing import TextIO
 
@@ -142,10 +141,8 @@ def _validate_command(given: Sequence[str]) -> None:
 
 
 def _failed(error: BaseException) -> int:
-    try:
+    with suppress(OSError):
         print(end="", flush=True)
-    except OSError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is kept would fail at the exit too
     if isinstance(error, BrokenPipeError):  # the reader of our output went away, as `head` does
         return FAILED
     if isinstance(error, OSError) and error.filename is not None:
@@ -189,7 +186,3 @@ def _warnings_as_notes() -> Iterator[None]:
         for category in ours:
             warnings.simplefilter("always", category)
         yield
-
-
-if __name__ == "__main__":
-    sys.exit(main())
