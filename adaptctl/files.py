@@ -157,7 +157,7 @@ def _parts(name: str) -> tuple[str, str]:
     stem, suffix = Path(name).stem, Path(name).suffix
     if len(os.fsencode(suffix)) > MAX_SUFFIX_BYTES:
         stem, suffix = name, ""
-    return os.fsdecode(os.fsencode(stem)[: max(0, MAX_STEM_BYTES - len(os.fsencode(suffix)))]), suffix
+    return os.fsdecode(os.fsencode(stem)[: MAX_STEM_BYTES - len(os.fsencode(suffix))]), suffix
 
 
 def remove_stale_temporaries(folder: Path, name: str) -> list[Path]:

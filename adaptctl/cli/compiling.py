@@ -26,7 +26,6 @@ class Announcement:
             yield
             return
         timer, started = Timer(max(self._left, 0.0), self._appear), perf_counter()
-        timer.daemon = True
         timer.start()
         try:
             yield

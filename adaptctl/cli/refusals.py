@@ -77,9 +77,9 @@ def _too_few(error: CycloptsError, given: Sequence[str]) -> str:
 
 def _elsewhere(error: CycloptsError) -> str:
     """Message of a command that is another's, or of a robot file in place of one; empty for other errors."""
-    if not isinstance(error, UnknownCommandError) or not error.unused_tokens:
+    if not isinstance(error, UnknownCommandError):
         return ""
-    word, chain = error.unused_tokens[0], error.command_chain or ()
+    (word, *_), chain = error.unused_tokens or ("",), error.command_chain or ()
     if word.endswith(ROBOT_SUFFIXES):
         meant = f"experiment run adaptive --robot {word}" if "experiment" in chain else f"tune {word}"
     elif chain in ((), ("experiment",)) and word in (entry.name for entry in EXPERIMENTS):
