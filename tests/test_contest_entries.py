@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import io
+import json
+import os
 import re
+import signal
+import sys
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from types import SimpleNamespace
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from contest_rows import entry, reasons
 from nightly import at_night
 
-from adaptctl.contest import trial
+from adaptctl.contest import own_process, trial
 from adaptctl.contest.entries import LONGEST_REASON, ContestEntry, _laws
 from adaptctl.contest.known import Knowledge, Known
 from adaptctl.contest.laws import LAWS, Entrant, _computed_torque
@@ -104,6 +110,27 @@ def test_a_law_that_ends_its_process_is_a_row_with_its_reason(tmp_path: Path, co
     rows = rows_alone(entry(f"{tmp_path / 'own.py'}:Law", seeds=(1, 2)))
     assert reasons(rows) == {f"ended the process that ran it, with code {code}"}
     assert [(row["law"], row["seed"]) for row in rows] == [("Law", 1), ("Law", 2)]
+
+
+def test_a_process_answers_with_rows_and_not_with_what_a_law_prints(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def rows(one: ContestEntry) -> list[dict[str, Any]]:
+        print("of a law", flush=True)
+        return [{"law": one.law, "seed": seed} for seed in one.seeds]
+
+    asked, handled = io.BytesIO(msgspec.json.encode(entry("a.py:Law")) + b"\n"), list[Any]()
+    monkeypatch.setattr(ContestEntry, "rows", rows)
+    monkeypatch.setattr(own_process, "_end_with_parent", lambda: None)
+    monkeypatch.setattr(own_process.signal, "signal", lambda *which: handled.append(which))
+    monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=asked))
+    with monkeypatch.context() as printing:
+        printing.setattr(sys, "stdout", os.fdopen(1, "w", closefd=False))
+        own_process.main()
+    assert handled == [(signal.SIGINT, signal.SIG_IGN)]
+    told = capfd.readouterr()
+    assert json.loads(told.out) == [{"law": "a.py:Law", "seed": 1}, {"law": "a.py:Law", "seed": 2}]
+    assert told.err == "of a law\n"
 
 
 @pytest.mark.nightly

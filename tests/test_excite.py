@@ -179,7 +179,7 @@ def test_the_command_writes_what_robots_run(tmp_path: Path, capsys: pytest.Captu
     assert "the folder is not empty" in capsys.readouterr().err
 
 
-def test_a_motion_after_a_log_adds_what_that_left_open(tmp_path: Path) -> None:
+def test_a_motion_after_a_log_adds_what_that_left_open(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A log of the turning joint alone, and the motion forecast with it: no parameter is known less than from it."""
     (tmp_path / "boxes.urdf").write_text(BOXES)
     arm, time = load(tmp_path / "boxes.urdf"), np.arange(0.0, 6.0, 0.01)[:, None]
@@ -188,11 +188,13 @@ def test_a_motion_after_a_log_adds_what_that_left_open(tmp_path: Path) -> None:
     rows = np.column_stack([time, p, arm.inverse_dynamics(p, v, -(rate**2) * p)])
     names = "time,position.turn,position.bend,torque.turn,torque.bend"
     np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header=names, comments="")
-    line = ["excite", str(tmp_path / "boxes.urdf"), "--iterations", "1", "--noise", "1", "--out"]
+    line = ["excite", str(tmp_path / "boxes.urdf"), "--json", "--iterations", "1", "--noise", "1", "--out"]
     told = []
     for more in ([], ["--after", str(tmp_path / "log.csv"), "--units", "time=s", "position=rad", "torque=N m"]):
-        assert main([*line, str(tmp_path / f"{len(more)}"), *more]) == 0
-        told.append(json.loads((tmp_path / f"{len(more)}" / "forecast.json").read_text()))
+        folder = tmp_path / f"{len(more)}"
+        assert main([*line, str(folder), *more]) == 0
+        told.append(json.loads((folder / "forecast.json").read_text()))
+        assert json.loads(capsys.readouterr().out) == {**told[-1], "folder": str(folder)}
     alone, after = ([entry["deviation"] for entry in one["parameters"].values()] for one in told)
     assert np.all(np.array(after) < np.array(alone))
     written = {

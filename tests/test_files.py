@@ -24,6 +24,7 @@ from adaptctl.files import (
     read_json,
     read_text,
     read_toml,
+    real_place,
     replacing,
     validate_place,
     write_bytes,
@@ -149,6 +150,12 @@ def content_names(folder: Path) -> list[str]:
 def test_a_place_that_takes_no_files_says_so() -> None:
     with pytest.raises(FileError, match=r"/proc/a\.txt: cannot be written"):
         write_text("/proc/a.txt", "")
+
+
+def test_a_name_that_is_too_long_is_told_wherever_it_is(tmp_path: Path) -> None:
+    for place in (Path(500 * "x"), tmp_path / (500 * "x")):
+        with pytest.raises(FileError, match=r"cannot be written \(file name too long\)$"):
+            real_place(place)
 
 
 def test_nothing_written_is_an_error(tmp_path: Path) -> None:

@@ -83,6 +83,12 @@ def commands(folder: Path) -> dict[str, list[str]]:
     }
 
 
+def test_a_name_that_was_asked_for_is_found_at_once_from_then_on() -> None:
+    vars(adaptctl).pop("Sinusoids", None)
+    found = adaptctl.Sinusoids
+    assert vars(adaptctl)["Sinusoids"] is found
+
+
 @pytest.fixture(scope="module")
 def hiding(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("hiding")

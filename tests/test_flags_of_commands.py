@@ -1,0 +1,161 @@
+"""What a command line asks for is what the library is asked for, and what is left out is as the help says."""
+
+from __future__ import annotations
+
+import ctypes
+import inspect
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import adaptctl
+from adaptctl import codegen, hardware, tuning
+from adaptctl.cli import experiment, numbers
+from adaptctl.cli.drive import connected
+from adaptctl.cli.main import main
+from adaptctl.cli.memory import return_large_blocks
+from adaptctl.codegen import builds
+from adaptctl.control import GainDesign
+from adaptctl.errors import InputError
+from adaptctl.tuning import named_laws
+
+ARM = adaptctl.load("two_link")
+
+
+class AskedError(Exception):
+    """What a function of the library was asked for."""
+
+
+def asked(*given: Any, **named: Any) -> Any:
+    raise AskedError(*given, named)
+
+
+@pytest.mark.parametrize(
+    ("line", "method", "given"),
+    [
+        ("--method poles", "from_poles", (-8.0, -12.0)),
+        ("--method poles --poles -6+2j -6-2j", "from_poles", (-6 + 2j, -6 - 2j)),
+        ("--method lqr", "from_lqr", (4096.0, 0.0, 1.0)),
+        ("--method lqr --weights 9 8 7", "from_lqr", (9.0, 8.0, 7.0)),
+        ("--damping-ratio 1.5", "from_bandwidth", (4.0, 1.5)),
+        ("--damping-ratio 1.5 --bandwidth 3", "from_bandwidth", (3.0, 1.5)),
+    ],
+)
+def test_gains_are_designed_as_asked(
+    line: str, method: str, given: tuple[complex, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(GainDesign, method, asked)
+    with pytest.raises(AskedError) as told:
+        main(["gains", "two_link", *line.split(), "--control-period", "0.002", "--delay", "3"])
+    _, *found, more = told.value.args
+    assert tuple(np.ravel(np.array(found, dtype=complex))) == given
+    assert more == {"control_period": 0.002, "delay": 3}
+
+
+@pytest.mark.parametrize("language", ["c", "wasm"])
+@pytest.mark.parametrize("without", [False, True])
+def test_a_law_is_exported_as_asked(
+    language: str, without: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tuned = SimpleNamespace(validate_learning=lambda flag: None, reference="reference")
+    built = list[Any]()
+    monkeypatch.setattr(tuning, "tune", lambda arm, **given: tuned)
+    monkeypatch.setattr(named_laws, "named_law", lambda name, tuning, model: name)
+    monkeypatch.setattr(named_laws, "guarded", lambda law, tuning: f"guarded {law}")
+    monkeypatch.setattr(builds, "builds", built.append)
+    monkeypatch.setattr(codegen, "export", asked)
+    line = ["export", "two_link", "--out", str(tmp_path / "out"), "--language", language, "--check"]
+    with pytest.raises(AskedError) as told:
+        main([*line, *(["--without-safety-filter"] * without)])
+    law, out, more = told.value.args
+    assert (law, out) == ("slotine-li-learning" if without else "guarded slotine-li-learning", tmp_path / "out")
+    assert more == {
+        "name": None, "scalar": "double", "language": language, "without_safety_filter": without, "check": True,
+        "reference": "reference", "anyway": False, "large_stack": True,
+    }  # fmt: skip
+    assert ("compiles the code" in capsys.readouterr().err) == (language == "c")
+
+
+@pytest.mark.parametrize("any_kernel", [False, True])
+def test_a_robot_is_connected_as_asked(any_kernel: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    words = {"franka": "Franka", "ur": "UR", "trossen": "Trossen", "udp": "UDP", "mujoco": "MuJoCo"}
+    found: dict[str, Any] = {}
+    for vendor, word in words.items():
+        monkeypatch.setattr(hardware, f"{word}Robot", asked)
+        with pytest.raises(AskedError) as told:
+            connected(vendor, "there", ARM, any_kernel, [0.1, 0.2] if vendor == "mujoco" else None)
+        assert told.value.args[0] == "there"
+        found[vendor] = told.value.args[1:]
+    assert found["franka"] == ({"real_time": not any_kernel},)
+    assert found["mujoco"] == ({"start": [0.1, 0.2], "real_time": True},)
+    assert found["trossen"] == ({},)
+    for vendor, rate in (("ur", np.inf), ("udp", 1000.0)):
+        limits, _ = found[vendor]
+        assert (limits.torque.tolist(), limits.torque_rate.tolist()) == (ARM.effort_limits.tolist(), [rate, rate])
+
+
+def test_an_experiment_writes_and_prints_no_more_than_is_asked_for() -> None:
+    chosen = inspect.signature(experiment.__getattr__("adaptive")).parameters
+    assert [chosen[name].default for name in ("overwrite", "figures", "json", "live")] == [False] * 4
+    assert (chosen["config"].default, chosen["out"].default) == (None, Path("results/adaptive"))
+
+
+@pytest.mark.parametrize("complete", [False, True])
+@pytest.mark.parametrize("figures", [False, True])
+def test_an_interrupted_experiment_is_told_and_its_figures_are_drawn_if_asked(
+    complete: bool, figures: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    written = list[Path]()
+    result = SimpleNamespace(
+        complete=complete, write=lambda folder, progress: written.append(folder), figures=written.append
+    )
+    run: Any = SimpleNamespace(run=lambda progress: result)
+    interruption: Any = SimpleNamespace(heeded=lambda progress: progress, hold=lambda: None)
+    assert experiment._computed(run, tmp_path, interruption, figures) is result
+    assert written == [tmp_path, *([tmp_path / "figures"] * figures)]
+    assert ("interrupted" in capsys.readouterr().err) == (not complete)
+
+
+@pytest.mark.parametrize(
+    ("text", "fits"),
+    [("1e-30", True), ("-1e30", True), ("0", True), ("inf", True), ("9.9e-31", False), ("-1.1e30", False)],
+)
+def test_numbers_are_of_sizes_to_be_reckoned_with(text: str, fits: bool) -> None:
+    argument: Any = SimpleNamespace(name="--rate")
+    token: Any = SimpleNamespace(value=text, source="x.toml")
+    app: Any = None
+    if fits:
+        numbers._validate_number(app, argument, token)
+    else:
+        with pytest.raises(InputError, match=r"^x.toml: --rate: expected 0 or a number of a size from 1e-30 to 1e\+30"):
+            numbers._validate_number(app, argument, token)
+
+
+def test_a_comma_is_a_point_of_one_number_and_parts_several() -> None:
+    assert numbers._instead("1,5", "s", (float, type(None))).endswith("; write 1.5, with a point")
+    for kinds in ((float, float), (float, ...)):
+        assert numbers._instead("1,5", "s", kinds).endswith("; numbers are separated by blanks: 1 5")
+
+
+class Blocks(ctypes.Structure):
+    """What glibc tells of its memory; the fourth number is that of blocks which are the system's."""
+
+    _fields_ = [(f"part{k}", ctypes.c_size_t) for k in range(10)]
+
+
+def test_large_blocks_are_given_back_and_those_below_a_megabyte_kept() -> None:
+    """By default glibc keeps blocks up to the largest that was freed before."""
+    library = ctypes.CDLL(None)
+    library.mallinfo2.restype, library.malloc.restype = Blocks, ctypes.c_void_p
+    library.free.argtypes = [ctypes.c_void_p]
+    return_large_blocks()
+    library.malloc_trim(0)
+    for size, given in ((2**20 - 64, 0), (2**24, 1), (2**24, 1)):
+        before = library.mallinfo2().part3
+        block = library.malloc(size)
+        assert library.mallinfo2().part3 - before == given
+        library.free(block)
+        assert library.mallinfo2().part3 == before
