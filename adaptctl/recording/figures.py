@@ -225,7 +225,7 @@ def parameters(comparison: Comparison) -> Figure:
             axes.axhspan(low, high, color=LIMIT.hex, alpha=0.4, linewidth=0)
         axes.set_title(f"{names[i]}", size=7.5, pad=3.0, y=1.0)  # to search for a place takes a third of the time
         if (ticks := getattr(axes, "yaxis", None)) is not None:  # a power of ten is opposite the title
-            ticks.get_offset_text().set(x=1.0, ha="right", size=6.5)
+            ticks.get_offset_text().set(x=1.0, ha="right")
         axes.set_xlim(0.0, comparison.subject.duration)
         axes.tick_params(labelsize=6.5, pad=1.5)
         axes.locator_params(nbins=3)
