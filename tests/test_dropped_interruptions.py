@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from nightly import mostly_at_night
+
+from adaptctl.cli import interruption
 
 START = """
 import signal, sys, time
@@ -58,3 +64,23 @@ def test_other_errors_are_told_as_ever() -> None:
     assert "ValueError: told as ever" in done.stderr
     assert "RuntimeError: and this" in done.stderr
     assert done.returncode == 1
+
+
+def test_what_is_dropped_is_told_as_ever_or_sent_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    told, sent = list[Any](), list[int]()
+    monkeypatch.setattr(sys, "unraisablehook", told.append)
+    monkeypatch.setattr(sys, "excepthook", lambda *what: told.append(what))
+    monkeypatch.setattr(interruption, "_send_again", sent.append)
+    interruption.repeated_where_lost()
+    others: Any = SimpleNamespace(exc_type=ValueError)
+    ctrl_c: Any = SimpleNamespace(exc_type=KeyboardInterrupt)
+    sys.unraisablehook(others)
+    sys.unraisablehook(ctrl_c)
+    elsewhere = threading.Thread(target=sys.unraisablehook, args=(ctrl_c,))
+    elsewhere.start()
+    elsewhere.join()
+    error = ValueError()
+    sys.excepthook(ValueError, error, None)
+    sys.excepthook(KeyboardInterrupt, KeyboardInterrupt(), None)
+    assert told == [others, (ValueError, error, None)]
+    assert sent == [signal.SIGINT]  # which arrives in the main thread alone

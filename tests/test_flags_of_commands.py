@@ -13,7 +13,7 @@ import pytest
 
 import adaptctl
 from adaptctl import codegen, hardware, tuning
-from adaptctl.cli import experiment, numbers
+from adaptctl.cli import experiment, identify, numbers, output
 from adaptctl.cli.drive import connected
 from adaptctl.cli.main import main
 from adaptctl.cli.memory import return_large_blocks
@@ -55,8 +55,7 @@ def test_gains_are_designed_as_asked(
     assert more == {"control_period": 0.002, "delay": 3}
 
 
-@pytest.mark.parametrize("language", ["c", "wasm"])
-@pytest.mark.parametrize("without", [False, True])
+@pytest.mark.parametrize(("language", "without"), [("c", False), ("wasm", True)])
 def test_a_law_is_exported_as_asked(
     language: str, without: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -117,6 +116,27 @@ def test_an_interrupted_experiment_is_told_and_its_figures_are_drawn_if_asked(
     assert experiment._computed(run, tmp_path, interruption, figures) is result
     assert written == [tmp_path, *([tmp_path / "figures"] * figures)]
     assert ("interrupted" in capsys.readouterr().err) == (not complete)
+
+
+@pytest.mark.parametrize(
+    ("logs", "drives", "fits"), [(1, "d", True), (1, None, False), (2, "d", False), (0, "d", False)]
+)
+def test_estimators_are_compared_on_one_log_with_its_drives(logs: int, drives: str | None, fits: bool) -> None:
+    given = tuple(Path(f"{k}.csv") for k in range(logs)), None if drives is None else Path(drives)
+    if fits:
+        identify._validate_comparison(*given, 0.5)
+    else:
+        with pytest.raises(InputError, match=r"^--energy-differences needs exactly one log"):
+            identify._validate_comparison(*given, 0.5)
+
+
+def test_a_column_that_is_whole_is_never_folded_and_the_next_one_loses_nothing(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "30")
+    output.print_parts([output.listed([("a" * 20, "b" * 50)], whole=True)])
+    told = capsys.readouterr().out
+    assert ("a" * 20 in told, told.count("b")) == (True, 50)
 
 
 @pytest.mark.parametrize(

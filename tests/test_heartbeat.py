@@ -7,7 +7,10 @@ import pty
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -127,3 +130,62 @@ def test_its_thread_ends_when_it_is_stopped(monkeypatch: pytest.MonkeyPatch) -> 
     beat.stop()
     thread.join(10.0)
     assert not thread.is_alive()
+
+
+def test_a_line_comes_after_a_silence_and_never_into_one_that_is_open(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At the times of the looks at it: output ends at 0 s, begins a line at 3 s and ends that at 5 s."""
+    clock, put = SimpleNamespace(now=0.0), list[tuple[float, str]]()
+    monkeypatch.setattr(module, "monotonic", lambda: clock.now)
+    beat: Any = module.Heartbeat()
+    prints = {3.0: b"\x1b[1mStart?", 5.0: b"y\n"}
+
+    def wait(seconds: float) -> bool:
+        clock.now = round(clock.now + seconds, 6)
+        for time in [time for time in prints if time <= clock.now]:
+            beat.heard(prints.pop(time))
+        return bool(clock.now > 7.0)
+
+    beat._stopped, beat._put = (
+        SimpleNamespace(wait=wait, is_set=lambda: False),
+        lambda text: put.append((clock.now, text)),
+    )
+    beat._on_terminal()
+    lines = [(time, text) for time, text in put if "adaptctl: starting" in text]
+    assert lines[0] == (0.8, "\r\x1b[Kadaptctl: starting, 1 s")
+    assert [time for time, _ in lines if time < 3.0] == pytest.approx([0.8, 1.3, 1.8, 2.3, 2.8])
+    assert next(time for time, text in put if text == "\r\x1b[K") == pytest.approx(3.3)  # before what is printed
+    assert not [time for time, _ in lines if 3.0 <= time < 5.8]
+    assert [time for time, _ in lines if time >= 5.8]
+
+
+def test_elsewhere_a_line_comes_every_while_until_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    beat: Any = module.Heartbeat()
+    waits, put = list[float](), list[str]()
+    beat._stopped = SimpleNamespace(wait=lambda seconds: waits.append(seconds) or len(waits) > 3)
+    beat._put = put.append
+    beat.doing("gains")
+    beat._in_lines()
+    assert [line.partition(",")[0] for line in put] == ["adaptctl: gains"] * 3
+    assert all(line.endswith(" s\n") for line in put)
+    assert 0.5 < min(waits) == max(waits) < 1.0
+
+
+@pytest.mark.parametrize(
+    ("setting", "terminal", "begun"), [("off", True, []), ("", True, ["line"]), ("", False, ["lines"])]
+)
+def test_signs_of_life_are_for_terminals_and_logs_unless_they_are_off(
+    setting: str, terminal: bool, begun: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ADAPTCTL_PROGRESS", setting)
+    monkeypatch.setattr(sys, "stderr", SimpleNamespace(isatty=lambda: terminal))
+    started, beat = list[str](), module.Heartbeat()
+    monkeypatch.setattr(beat, "_on_terminal", lambda: started.append("line"))
+    monkeypatch.setattr(beat, "_in_lines", lambda: started.append("lines"))
+
+    def thread(target: Callable[[], None], daemon: bool) -> Any:
+        assert daemon  # it ends with the command
+        return SimpleNamespace(start=target)
+
+    monkeypatch.setattr(module.threading, "Thread", thread)
+    beat.start()
+    assert started == begun

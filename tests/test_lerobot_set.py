@@ -55,7 +55,7 @@ def test_episodes_and_tasks_are_numbered_and_samples_go_on(tmp_path: Path, monke
     spans = [(one["dataset_from_index"], one["dataset_to_index"], one["length"]) for one in episodes]
     assert spans == [(0, 3, 3), (3, 7, 4), (7, 9, 2)]
     assert [(one["data/chunk_index"], one["data/file_index"]) for one in episodes] == [(0, 0), (0, 1), (1, 0)]
-    assert episodes[1]["stats/action/mean"] == [501.5]
+    assert (episodes[1]["stats/action/mean"], episodes[1]["stats/action/std"]) == ([501.5], [np.sqrt(1.25)])
     whole = json.loads((tmp_path / "meta/stats.json").read_text())["index"]
     cuts = quantiles(range(9), n=100, method="inclusive")
     for share in (1, 10, 50, 90, 99):

@@ -11,6 +11,7 @@ import time
 import warnings
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
 import gymnasium
@@ -147,6 +148,25 @@ def test_samples_of_a_burst_are_drawn_before_the_next() -> None:
         reader.join(20.0)
         assert len(found) == 1
         np.testing.assert_array_equal(found[0], [[1.0] * 3, [2.0] * 3])  # the first is of another length
+
+
+def test_a_view_waits_for_a_sample_for_ever_and_draws_it_within_a_twentieth_of_a_second() -> None:
+    coming, waits = [np.full(3, 1.0).tobytes(), TimeoutError(), b""], list[float | None]()
+
+    def recv(most: int) -> bytes:
+        now = coming.pop(0)
+        if isinstance(now, bytes):
+            return now
+        raise now
+
+    samples: Any = SimpleNamespace(settimeout=waits.append, recv=recv)
+    rows = _Rows(samples, 3)
+    np.testing.assert_array_equal(rows.next(), np.ones((1, 3)))
+    assert rows.next() is rows.next() is None
+    first, more, end = waits
+    assert first is end is None
+    assert more is not None
+    assert 0.0 < more <= 0.05
 
 
 Z = [0.0, 0.0]

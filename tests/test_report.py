@@ -12,10 +12,10 @@ import pytest
 from comparisons import comparison
 
 from adaptctl.dynamics import load
-from adaptctl.recording import Comparison, Fact, RunRole, Setting, write_artifacts
+from adaptctl.recording import Comparison, Fact, RunRole, Setting, StepCost, write_artifacts
 from adaptctl.recording.judgement import facts, joint_errors, outcome_words
-from adaptctl.recording.page import Note
-from adaptctl.recording.report import report
+from adaptctl.recording.page import Note, Table
+from adaptctl.recording.report import _costs, report
 from adaptctl.recording.result import answers
 from docs.making.gallery import PAGE, PICTURES, SHOWN, outcome_of, pictures_of
 
@@ -105,6 +105,22 @@ def test_notes_are_shown_with_the_results(shown: Comparison) -> None:
     sections = {section.title: section for section in report(noted).sections}
     assert Note("no rotors", head="Note.", warning=True) in sections["Experiment"].parts
     assert "no rotors" not in str(sections["Settings"].parts[0])
+
+
+def test_costs_of_a_step_are_told_as_far_as_they_are_known(shown: Comparison) -> None:
+    def told(*costs: StepCost | None) -> tuple[tuple[str, ...], list[list[str]]]:
+        runs = tuple(replace(run, cost=cost) for run, cost in zip(shown.runs, costs, strict=True))
+        words, table = _costs(replace(shown, runs=runs))
+        assert isinstance(table, Table)
+        assert ("Times are measured" in str(words)) == (len(table.header) > 2)
+        return tuple(table.header[1:]), [[cell.text for cell in row[1:]] for row in table.cells]
+
+    assert told(StepCost(5.04e-6, 2.4e-7, 1470), None) == (
+        ("operations", "native", "called"),
+        [["1,470", "240 ns", "5.0 µs"], ["–", "–", "–"]],
+    )
+    assert told(StepCost(flops=0), StepCost(flops=9)) == (("operations",), [["0"], ["9"]])
+    assert told(StepCost(native=1.2e-6), None) == (("operations", "native"), [["–", "1,200 ns"], ["–", "–"]])
 
 
 def test_report_follows_the_reader(folder: Path) -> None:
