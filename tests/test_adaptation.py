@@ -344,7 +344,7 @@ def test_the_truth_is_at_no_distance_and_everything_else_at_some() -> None:
         (lambda: CompositeLearning(np.diag(ONES)), "gain: expected Gamma's diagonal"),
         (lambda: BoundedGainForgetting(ONES, bound=0.5), "bound: expected at least 1"),
         (lambda: BoundedGainForgetting(ONES, forgetting=-1.0), "forgetting: expected at least 0"),
-        (lambda: on("puma560_arm3", BoundedGainForgetting(ONES, forgetting=1e3)), "use at most 100 1/s"),
+        (lambda: on("puma560_arm3", BoundedGainForgetting(ONES, forgetting=101.0)), "use at most 100 1/s"),
         (lambda: CushionedFloor(-ONES), "cushioned floor: gain: expected positive"),
         (lambda: CushionedFloor(ONES, forgetting=-1.0), "cushioned floor: forgetting: expected at least 0"),
         (lambda: on("puma560_arm3", CushionedFloor(np.ones(30))), "30 parameters, but the basis has 15"),

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from adaptctl.control.adaptation.doubt import TorqueEquations, Watch, doubted
+import pytest
+
+from adaptctl.control.adaptation.doubt import CONTACT, PAYLOAD, UNKNOWN, TorqueEquations, Watch, doubted, ended
 from adaptctl.control.adaptation.law import Period
 from adaptctl.scalars import Column
 
@@ -31,3 +33,25 @@ def test_a_doubt_is_raised_by_what_is_no_noise_and_was_shown_before() -> None:
     assert doubts(13.0, onwards=0.0)
     assert not doubts(13.0, onwards=0.0, friction=5.0)  # learned friction whose sign may be wrong
     assert doubts(13.0, friction=5.0)
+
+
+@pytest.mark.parametrize(
+    ("alarm", "doubt", "payload", "decision", "after"),
+    [
+        (0.0, 0.0, 0.0, UNKNOWN, (0.0, 0.0, 0.0)),
+        (0.0, 1.0, 0.0, UNKNOWN, (0.5, 0.0, 0.0)),  # it begins
+        (0.5, 1.0, 0.0, UNKNOWN, (1.0, 0.0, 0.0)),
+        (0.5, 0.0, 0.0, UNKNOWN, (0.0, 1.0, 0.0)),  # it is cleared
+        (1.5, 1.0, 0.0, UNKNOWN, (2.0, 0.0, 0.0)),  # it may last 2 s
+        (1.75, 1.0, 0.0, UNKNOWN, (0.0, 0.0, 1.0)),
+        (1.75, 1.0, 1.0, UNKNOWN, (0.5, 0.0, 0.0)),  # a payload begins it anew
+        (1.75, 1.0, 0.0, PAYLOAD, (0.0, 0.0, 1.0)),
+        (1.75, 1.0, 0.0, CONTACT, (1.8, 0.0, 0.0)),  # of a contact only a tenth of the time counts
+    ],
+)
+def test_an_alarm_begins_goes_on_and_ends(
+    alarm: float, doubt: float, payload: float, decision: float, after: tuple[float, float, float]
+) -> None:
+    watch = Watch(*5 * [None], Column((alarm,)), None, Column((decision,)))
+    found = ended(watch, Column((0.0, doubt)), payload, 2.0, 0.5)
+    assert tuple(map(float, found)) == pytest.approx(after)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +22,7 @@ from adaptctl.identification.identify import identified
 from adaptctl.identification.listed_hypotheses import SPRING
 from adaptctl.identification.preparation import PreparationStep
 from adaptctl.identification.springs import known_springs, left_out, spring_kinds, with_springs, with_untold_springs
-from adaptctl.identification.uncertainty import uncertainty
+from adaptctl.identification.uncertainty import Uncertainty, uncertainty
 from adaptctl.identification.validation import validate_plausible
 
 STIFFNESS, REST = 40.0, 0.3
@@ -85,6 +87,29 @@ def test_a_spring_left_out_as_untold_is_an_error_of_others(case: Known) -> None:
     offset = np.eye(len(fit.x))[[place]]
     off = abs(fit.x[place] + STIFFNESS * REST)
     assert 2.0 * noise.of(offset)[0] < off < 2.0 * with_untold_springs(noise, evidence, fit).of(offset)[0]
+
+
+def test_the_error_by_a_spring_left_out_is_what_fitting_it_changes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In least squares without a prior, whose normal equations are whole."""
+    rng = np.random.default_rng(5)
+    Y, t = rng.normal(size=(60, 4)), rng.normal(size=60)
+    without, whole = (np.linalg.lstsq(Y[:, :k], t)[0] for k in (3, 4))
+    equations = SimpleNamespace(whitened=lambda deviations: (Y.T @ Y, Y.T @ t))
+    names = ("joint1.viscous", "joint1.coulomb", "joint1.offset", "joint1.stiffness")
+    evidence: Any = SimpleNamespace(
+        mechanism=SimpleNamespace(parameter_names=names), blocks=2, equations=lambda *_: equations,
+        independent=lambda settings: np.arange(3),
+    )  # fmt: skip
+    settings = SimpleNamespace(friction=NAMED, untold=("joint1.stiffness",))
+    fit: Any = SimpleNamespace(settings=settings, deviations=None, x=np.append(without, 0.0))
+    inverse = np.zeros((4, 4))
+    inverse[:3, :3] = np.linalg.inv(Y[:, :3].T @ Y[:, :3])
+    monkeypatch.setattr("adaptctl.identification.springs.inverse_curvature", lambda *_: (inverse, None))
+    before: Any = Uncertainty(*[np.eye(4)] * 3, None, np.eye(4), None)  # type: ignore[arg-type]
+    bias = with_untold_springs(before, evidence, fit).bias - np.eye(4)
+    moved, variance = without - whole[:3], np.linalg.inv(Y.T @ Y)[3, 3]
+    each = moved / whole[3]
+    np.testing.assert_allclose(bias[:3, :3], np.outer(moved, moved) + 9.0 * variance * np.outer(each, each))
 
 
 def test_springs_of_the_file_are_tried_as_they_are(case: Known) -> None:

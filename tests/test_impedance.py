@@ -187,6 +187,7 @@ def test_a_spring_that_stops_growing_is_the_slope_of_its_energy() -> None:
     for way in (0.01, -0.03, 0.2, -0.5):
         slope = (_pull(400.0, 20.0, way + 1e-6)[1] - _pull(400.0, 20.0, way - 1e-6)[1]) / 2e-6
         assert _pull(400.0, 20.0, way)[0] == pytest.approx(slope, rel=1e-6)
+    assert _pull(0.0, 20.0, 0.2) == (0.0, 0.0)
 
 
 def test_moments_are_the_slope_of_the_quaternions_energy() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,10 +12,13 @@ import pytest
 
 from adaptctl.arrays import Array
 from adaptctl.description import Joint
+from adaptctl.errors import InputError
 from adaptctl.identification import log_checks as checks
+from adaptctl.identification.hypothesis_rows import HypothesisRows
 from adaptctl.identification.lasting_noise import Whitening
 from adaptctl.identification.one_way import one_way_joints
 from adaptctl.identification.position_faults import frozen_position, odd_stamps, slips
+from adaptctl.identification.preparation import _validate_small_steps
 from adaptctl.identification.time_scale import ScaledTimes
 from adaptctl.identification.validation import _swing_words
 
@@ -209,9 +214,11 @@ def test_rows_are_lost_where_all_joints_move_alike_and_two_fifths_off(
     assert bool(stamped(np.array(factors), jitter)) == told
 
 
-@pytest.mark.parametrize(("back", "speed", "told"), [(9, 1.0, True), (11, 1.0, False), (100, 0.09, True)])
+@pytest.mark.parametrize(
+    ("back", "speed", "told"), [(9, 1.0, True), (11, 1.0, False), (100, 0.09, True), (100, 0.11, False)]
+)
 def test_a_joint_has_one_way_where_a_hundredth_of_its_rows_has_the_other(back: int, speed: float, told: bool) -> None:
-    velocity = np.append(np.ones(1000 - back), np.full(back, -speed))
+    velocity = 3.0 * np.append(np.ones(1000 - back), np.full(back, -speed))
     rows = {1.0: SimpleNamespace(velocity=np.column_stack([velocity, -velocity]))}
     arm = SimpleNamespace(primary_joints=[JOINT, Joint("k")])
     evidence: Any = SimpleNamespace(band=1.0, rows=rows, mechanism=arm)
@@ -231,6 +238,41 @@ def test_times_are_of_the_scale_that_fits_best(octave: float, monkeypatch: pytes
     monkeypatch.setattr(ScaledTimes, "_error", lambda self, blocks: lambda some: abs(some - octave))
     found = np.log2(ScaledTimes(None, None).best().value)  # type: ignore[arg-type]
     assert found == (pytest.approx(octave, abs=0.04) if abs(octave) > 0.25 else 0.0)
+
+
+def test_the_scale_of_times_deviates_as_the_jackknife_of_its_blocks_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whose variance is n - 1 times that of the estimates without each block (Efron 1982)."""
+
+    def error(self: ScaledTimes, blocks: Sequence[int]) -> Callable[[float], float]:
+        (left,) = set(range(6)) - {*blocks} or {0}
+        return lambda octave: abs(octave - 1.0 - left / 32.0)
+
+    monkeypatch.setattr(ScaledTimes, "_error", error)
+    found = ScaledTimes(None, None).best()  # type: ignore[arg-type]
+    each = np.log(2.0) * np.arange(6) / 32.0
+    assert (found.value, found.deviation) == (
+        2.0,
+        pytest.approx(np.sqrt(5.0 / 6.0 * np.sum((each - each.mean()) ** 2))),
+    )
+
+
+def test_rows_count_that_are_faster_than_a_share_of_their_joints_peak() -> None:
+    peaks = np.array([3.0, 0.5])
+    rows = SimpleNamespace(velocity=np.outer([-0.051, 0.049, 1.0], peaks), moving=np.array([True, True, False]))
+    own = SimpleNamespace(rows=rows, velocity=np.stack([peaks, -peaks]))
+    assert HypothesisRows.used.func(own).tolist() == [[True, True], [False, False], [False, False]]
+
+
+@pytest.mark.parametrize(("step", "told"), [(0.75 * np.pi, ""), (0.751 * np.pi, "at 0.2 s by 2.36 rad besides")])
+def test_steps_beside_jumps_by_turns_are_of_less_than_half_a_turn(step: float, told: str) -> None:
+    """By a quarter less; a joint that does not jump may move as it likes."""
+    position = np.column_stack([np.zeros(4), [0.0, 3.0, 0.0, 0.0], [0.1, 0.1, 0.1, 0.1]])
+    position[3, 0] = -step
+    log: Any = SimpleNamespace(source="log", time=0.1 * np.arange(4), position=position)
+    arm: Any = SimpleNamespace(primary_joints=[JOINT, Joint("k"), Joint("l")])
+    with pytest.raises(InputError, match=told) if told else nullcontext():
+        _validate_small_steps(log, position, [2, 0], arm)
+    _validate_small_steps(log, position, [], arm)
 
 
 def test_rows_are_as_white_by_parts_as_at_once() -> None:
