@@ -61,6 +61,14 @@ def test_all_coordinates_are_consistent_bodies(bodies: ConsistentBodies, size: f
         assert all(is_physically_consistent(ten) for ten in found)
 
 
+def test_coordinates_are_of_ten_thousand_at_most(bodies: ConsistentBodies) -> None:
+    far = np.zeros(bodies.size)
+    far[-1] = -1e4
+    assert bodies.at(far).shape == (len(bodies.roots), 10)
+    with pytest.raises(InputError, match="expected at most 10000, got 10001"):
+        bodies.at(1.0001 * far)
+
+
 @pytest.mark.parametrize("seed", mostly_at_night(range(8), 1, 2))
 def test_each_consistent_arm_has_one_point_of_its_base_parameters(bodies: ConsistentBodies, seed: int) -> None:
     """Bodies that are several times others, and flat, are reached, from two beginnings at one point."""

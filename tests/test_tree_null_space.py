@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pinocchio
@@ -37,7 +39,7 @@ from adaptctl.identifiability.inertial_transfers import (
     twist_entries,
     twist_matrices,
 )
-from adaptctl.identifiability.tree_null_space import tree_regrouping
+from adaptctl.identifiability.tree_null_space import _residual, tree_regrouping
 
 seeds = st.integers(0, 2**32 - 1)
 UP, ACROSS = (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)
@@ -280,3 +282,15 @@ def test_bodies_are_ten_numbers_and_a_rotor() -> None:
         np.testing.assert_allclose(both @ both.T, np.eye(11), atol=1e-12)
         assert own.bodies.shape == (11, len(own.indices))
         assert own.bodies[10, -1] == float(len(own.indices) == 11)
+
+
+def test_the_residual_is_what_unobservable_bodies_change_in_units_of_their_parts() -> None:
+    """However small energies are: of two bodies, the second changes those of the second link by a fifth."""
+    changes = 1e-3 * np.stack([np.eye(10), np.diag(np.arange(10.0))])
+    bodies = np.eye(10)[8:] * [[1.0], [1e-4]]
+    found: Any = SimpleNamespace(observable=[np.eye(10)[:8]] * 2, unobservable=[np.zeros((2, 10)), bodies])
+    assert _residual(found, changes) == pytest.approx(1.0)
+    blind = changes.copy()
+    blind[1, 8:] = 0.0
+    blind[1, 0, 8] = 2e-3 * 0.8
+    assert _residual(found, blind) == pytest.approx(1.6e-3 / 7e-3)
