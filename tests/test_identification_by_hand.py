@@ -21,12 +21,14 @@ from adaptctl.errors import FileError, InputError
 from adaptctl.identification import Validation
 from adaptctl.identification.columns import JointLog, joint_log
 from adaptctl.identification.drives_file import Drives, MotorEntry, Units
+from adaptctl.identification.earlier_motion import earlier_motion
 from adaptctl.identification.entropic import EntropicPrior
 from adaptctl.identification.least_squares import halves
 from adaptctl.identification.loaded_fit import LoadedEquations, loaded_fit
 from adaptctl.identification.log_files import table
 from adaptctl.identification.normal_equations import NormalEquations
 from adaptctl.identification.preparation import PreparedLog, prepare
+from adaptctl.identification.regular_range import _filling
 from adaptctl.identification.uncertainty import uncertainty
 
 RATE = 100.0
@@ -370,3 +372,21 @@ def test_errors_of_torques_are_roots_of_mean_squares_and_parts_of_what_was_measu
     assert found.relative_error == pytest.approx(math.sqrt(3) / 5, rel=1e-15)
     np.testing.assert_allclose(found.joint_rms_errors, [math.sqrt(1 / 2), 1.0], rtol=1e-15)
     np.testing.assert_allclose(found.joint_relative_errors, [1 / 5, math.inf], rtol=1e-15)
+
+
+def test_an_earlier_motion_has_fifty_rows_a_second_and_its_derivatives() -> None:
+    """Of each log, one after the other."""
+    case = known(7, links=2, duration=4.0, rate=200.0)
+    p, v, a = (np.split(part, 2) for part in earlier_motion(case.guess, [case.log, case.log]))
+    for position, speed, acceleration in zip(p, v, a, strict=True):
+        assert 180 < len(position) <= 200
+        for values, slope in ((position, speed), (speed, acceleration)):
+            off = (np.gradient(values, 0.02, axis=0) - slope)[5:-5]
+            assert np.abs(off).max() < 0.03 * np.abs(slope).max()
+
+
+def test_points_that_fill_a_box_are_on_its_faces_half_the_time() -> None:
+    points = _filling(np.random.default_rng(0), 3)
+    assert points.shape == (1000, 3)
+    shares = [np.mean(points == 0.0), np.mean(points == 1.0), np.mean((points > 0.0) & (points < 1.0))]
+    assert shares == pytest.approx([0.25, 0.25, 0.5], abs=0.03)

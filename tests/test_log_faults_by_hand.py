@@ -16,10 +16,11 @@ from adaptctl.errors import InputError
 from adaptctl.identification import log_checks as checks
 from adaptctl.identification.hypothesis_rows import HypothesisRows
 from adaptctl.identification.lasting_noise import Whitening
+from adaptctl.identification.listed_hypotheses import _weighs
 from adaptctl.identification.one_way import one_way_joints
 from adaptctl.identification.position_faults import frozen_position, odd_stamps, slips
 from adaptctl.identification.preparation import _validate_small_steps
-from adaptctl.identification.time_scale import ScaledTimes
+from adaptctl.identification.time_scale import ScaledTimes, TimeScale
 from adaptctl.identification.validation import _swing_words
 
 JOINT = Joint("j")
@@ -254,6 +255,17 @@ def test_the_scale_of_times_deviates_as_the_jackknife_of_its_blocks_says(monkeyp
         2.0,
         pytest.approx(np.sqrt(5.0 / 6.0 * np.sum((each - each.mean()) ** 2))),
     )
+
+
+@pytest.mark.parametrize(
+    ("value", "deviation", "counts"), [(1.26, 0.0, True), (1.24, 0.0, False), (0.5, 0.08, True), (0.5, 0.09, False)]
+)
+def test_times_are_wrong_by_a_quarter_and_eight_deviations(value: float, deviation: float, counts: bool) -> None:
+    assert TimeScale(value, deviation).counts == counts
+
+
+def test_a_body_that_was_carried_has_a_mass() -> None:
+    assert [_weighs(1, np.array([9.0, mass])) for mass in (-1.0, 0.0, 1e-9)] == [False, False, True]
 
 
 def test_rows_count_that_are_faster_than_a_share_of_their_joints_peak() -> None:
