@@ -21,11 +21,14 @@ LINE = ("export", "two_link", "--law", "computed-torque", "--check", "--anyway")
 def test_compilers_are_those_on_the_path(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     assert set(found_compilers()) <= {"zig cc"}
-    (tmp_path / "tcc").write_text("#!/bin/sh\necho tcc version 1\n")
+    (tmp_path / "tcc").write_text('#!/bin/sh\n[ "$1" = -v ] && echo tcc version 1\n')
     (tmp_path / "tcc").chmod(0o755)
     (tmp_path / "clang").write_text("#!/bin/sh\nexit 1\n")
     (tmp_path / "clang").chmod(0o755)
-    assert found_compilers() == {"tcc": "tcc version 1"} | {k: v for k, v in found_compilers().items() if k == "zig cc"}
+    (tmp_path / "cc").write_text('#!/bin/sh\n[ "$1" = --version ] && echo cc 1\n')
+    (tmp_path / "cc").chmod(0o755)
+    found = found_compilers()
+    assert found == {"tcc": "tcc version 1", "cc": "cc 1"} | {k: v for k, v in found.items() if k == "zig cc"}
 
 
 def compiler(folder: Path, program: str) -> str:

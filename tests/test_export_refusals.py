@@ -72,6 +72,6 @@ def test_memory_of_other_laws_that_depends_on_positions_is_named() -> None:
 
 def test_numbers_side_by_side_are_put_back_at_once() -> None:
     signature: Any = SimpleNamespace(place="out{}[{}]".format, given="in{}[{}]".format)
-    back = [((0, 1), (2, 1)), ((0, 2), (2, 2)), ((1, 3), (3, 3)), ((1, 5), (3, 5))]
+    back = [((0, 1), (2, 1)), ((0, 2), (2, 2)), ((1, 3), (2, 3)), ((1, 5), (2, 4))]
     found = list(_runs(back, signature))
-    assert found == [("out0[1]", "in2[1]", 2), ("out1[3]", "in3[3]", 1), ("out1[5]", "in3[5]", 1)]
+    assert found == [("out0[1]", "in2[1]", 2), ("out1[3]", "in2[3]", 1), ("out1[5]", "in2[4]", 1)]

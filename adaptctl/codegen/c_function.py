@@ -50,10 +50,9 @@ class CNumber:
         """C text of a constant, without a comment."""
         if math.isinf(x):
             huge = f"HUGE_VAL{self.suffix.upper()}"  # INFINITY is a float
-            return f"(-{huge})" if x < 0.0 else huge
+            return huge if x == math.inf else f"(-{huge})"
         rounded = self.rounded(x)
-        short = rounded == int(rounded) and abs(rounded) < 1e6
-        text = f"{repr(rounded) if short else rounded.hex()}{self.suffix}"
+        text = f"{repr(rounded) if rounded.is_integer() else rounded.hex()}{self.suffix}"
         return f"({text})" if text.startswith("-") else text
 
     def text(self, x: float) -> str:

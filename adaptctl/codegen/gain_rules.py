@@ -24,11 +24,11 @@ class GainRule:
     """Rule by which exported code checks a gain (an array)."""
 
     field: Field
-    positive: bool = False
-    signed: bool = True
-    infinite: bool = False
-    most: Array | None = None
-    bounds: bool = False
+    positive: bool
+    signed: bool
+    infinite: bool
+    most: Array | None
+    bounds: bool
 
 
 def gain_rules(controller: Controller[Any], fields: tuple[Field, ...]) -> tuple[GainRule, ...]:

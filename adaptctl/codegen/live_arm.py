@@ -160,7 +160,7 @@ def _groups(controller: Controller[Any]) -> Iterator[dict[str, Any]]:
     found: dict[str, list[list[int]]] = {}
     first = 0
     for name, values in controller.numbers.items():
-        kind = name.rsplit(".", 1)[-1]
+        kind = name.split(".")[-1]
         if kind in names:
             found.setdefault(kind, []).append([first, int(values.size)])
         first += values.size
