@@ -158,6 +158,11 @@ def whole_number(value: object, what: str, least: int, most: int) -> int:
     raise InputError(f"{what}: expected a whole number from {least} to {most}, got {printable(repr(value))}")
 
 
+def random_seed(value: object, what: str) -> int:
+    """Seed from 0 to 2^32 - 1."""
+    return whole_number(value, what, 0, 2**32 - 1)
+
+
 def whole_count(value: object, what: str, least: int = 0) -> int:
     """Integer of at least `least`."""
     if _is_whole(value) and value >= least:

@@ -3,6 +3,8 @@ ranks."""
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from designs import ARMS, best_on_grid, direct_cost, task
@@ -248,6 +250,9 @@ def test_balanced_and_relocated_parameters_are_zero(arm: str) -> None:
         scale = np.abs(T.basis.regrouping[row] * T.parameters).max()
         assert abs(T.basis.regrouping[row] @ D) < 1e-9 * scale
         assert removal.rank == T.basis.rank - 1
+        x = re.search(r"\((.*), (.*), (.*)\) m$", removal.description)
+        assert x is not None
+        assert [float(value) for value in x.groups()] == pytest.approx(removal.place, abs=5.01e-4)
         assert removal.equations_after == (f"{removal.eliminated[0]}* = 0",)
         assert removal.equations_before == (T.basis.equations()[row],)
 
@@ -274,6 +279,9 @@ def test_symmetries_are_recommended_before_masses() -> None:
     kinds = [removal.kind for removal, _ in study.recommended]
     assert kinds[0] == "symmetry" != kinds[-1]
     assert kinds == sorted(kinds, key=lambda kind: kind != "symmetry")
+    for symmetry in (True, False):
+        each = {removal.eliminated for removal in found if (removal.kind == "symmetry") is symmetry}
+        assert sum((kind == "symmetry") is symmetry for kind in kinds) == min(len(each), 6)
 
 
 def test_a_counterweight_of_a_gram_is_found() -> None:

@@ -13,7 +13,8 @@ import pytest
 from random_trees import random_chain
 
 import adaptctl
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, random_seed
+from adaptctl.control import Sinusoids
 from adaptctl.description import Description, Joint, Link
 from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.description.pose import Pose
@@ -36,6 +37,7 @@ from adaptctl.design.counterweights import _Search
 from adaptctl.design.mounting_bounds import bounds
 from adaptctl.design.picture import _moved
 from adaptctl.design.study import _heaviest, _lifts_nothing
+from adaptctl.design.task import component_counts
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, NonFiniteError
 
@@ -65,6 +67,7 @@ def test_an_arm_that_was_not_run_swings_and_a_loop_less_but_for_its_first_joint(
         study: Any = SimpleNamespace(task=SimpleNamespace(mechanism=arm))
         time, p = _moved(study, [])
         assert (time[0], time[-1]) == (0.0, 6.0)
+        np.testing.assert_allclose(np.diff(time), 0.05)
         for j, size in enumerate(sizes):
             expected = size * np.sin(2.0 * np.pi * (j + 1) * time / 6.0)
             np.testing.assert_allclose(p[:, j] - arm.neutral_configuration[j], expected, atol=1e-12)
@@ -88,6 +91,61 @@ def test_of_many_links_the_six_that_may_carry_the_heaviest_do() -> None:
     assert sorted(_heaviest(arm, every)) == sorted(sorted(masses, key=lambda link: -masses[link])[:6])
     light: Any = SimpleNamespace(link=every[-1].link, mass=0.0)
     assert _heaviest(arm, (every[-2], light)) == (every[-2].link,)
+    assert _heaviest(arm, (light,)) == (light.link,)
+
+
+def test_seeds_are_numbers_of_32_bits() -> None:
+    assert [random_seed(seed, "seed") for seed in (0, 2**32 - 1)] == [0, 2**32 - 1]
+    with pytest.raises(InputError, match="seed: expected a whole number from 0 to 4294967295, got 4294967296"):
+        random_seed(2**32, "seed")
+
+
+def test_places_and_grids_of_bounds_are_as_far_and_as_fine_as_told() -> None:
+    box = MountingBounds("link3", np.zeros(3), np.ones(3), 1.0)
+    box.validate((1.0 + 0.9e-9, 0.5, -0.9e-9))
+    for far in ((1.0 + 1.5e-9, 0.5, 0.5), (0.5, 0.5, -1.5e-9)):
+        with pytest.raises(InputError, match="is outside the bounds"):
+            box.validate(far)
+    assert box.grid(1).tolist() == [[0.0, 0.0, 0.0]]
+    with pytest.raises(InputError, match="points_per_edge: expected a whole number from 1 to 100"):
+        box.grid(101)
+
+
+def test_the_margin_of_bounds_is_a_share_of_a_link_and_10_cm_at_least() -> None:
+    arm = task().mechanism
+    tight, wide = MountingBounds.for_link(arm, "link3", 0.0, 0.0), MountingBounds.for_link(arm, "link3", 1e6, 2.0)
+    size = np.linalg.norm(tight.upper - tight.lower - 0.2)  # of the joints and the centre of mass
+    np.testing.assert_allclose(tight.lower - wide.lower, max(2.0 * size, 0.1) - 0.1)
+    assert (tight.mass, wide.mass) == (0.0, pytest.approx(1e6 * arm.links[2].inertia[0]))
+    for shares in ((1.1e6, 0.0), (0.0, 1.1e6)):
+        with pytest.raises(InputError, match="expected ratios of at least 0, at most 1e\\+06"):
+            MountingBounds.for_link(arm, "link3", *shares)
+
+
+def test_components_that_are_zero_are_not_counted() -> None:
+    sizes = np.array([[0.0, 3.0, 0.0, 4.0], [0.0, 0.0, 0.0, 0.0]])
+    for percent, counts in ((0.0, [2, 0]), (59.0, [2, 0]), (61.0, [1, 0]), (100.0, [0, 0])):
+        assert component_counts(sizes, percent).tolist() == counts
+
+
+def test_slopes_of_the_search_are_differences_of_its_residuals() -> None:
+    search, z = _Search(task(), (third(),), "energy", 7850.0), np.array([0.4, 0.3, 0.6, 0.7])
+    slopes = search.slopes(z)
+    for k, step in enumerate(1e-6 * np.eye(4)):
+        change = (search.residuals(z + step) - search.residuals(z - step)) / 2e-6
+        np.testing.assert_allclose(slopes[:, k], change, atol=1e-6 * np.abs(slopes).max())
+
+
+def test_the_ten_best_of_the_designs_that_are_drawn_are_improved(monkeypatch: pytest.MonkeyPatch) -> None:
+    search, starts = _Search(task(), (third(),), "energy", 7850.0), []
+    monkeypatch.setattr(
+        "scipy.optimize.least_squares", lambda f, z, *a, **more: starts.append(z) or SimpleNamespace(x=z, cost=0.0)
+    )
+    drawn = search.drawn(0)
+    assert len(drawn) == 1 + 4096
+    search.least(None, 0)
+    costs = np.sort(np.linalg.norm(search.residuals(drawn), axis=-1))
+    np.testing.assert_allclose([np.linalg.norm(search.residuals(z)) for z in starts], costs[:10])
 
 
 def test_a_search_begins_without_counterweights_in_the_middle_of_their_places() -> None:
@@ -108,6 +166,11 @@ def several() -> Array:
 
 def with_states(count: int) -> DesignTask:
     return DesignTask(task().mechanism, task().p[:count], task().v[:count], task().a[:count], "")
+
+
+def along_sinusoids(duration: float, samples: int) -> DesignTask:
+    swing = Sinusoids(np.zeros(3), np.full(3, 0.4), np.full(3, 0.1))
+    return DesignTask.from_reference(task().mechanism, swing, duration, samples)
 
 
 def test_a_task_keeps_its_own_states() -> None:
@@ -135,6 +198,8 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
         lambda: DesignTask.within_limits(task().mechanism, 50, speed=1e200),
         "speed: expected a finite number of at least 0, at most 1e+100",
     ),
+    "reference's samples": (lambda: along_sinusoids(1.0, 1), "task: samples: expected a whole number from 2"),
+    "reference's duration": (lambda: along_sinusoids(-1.0, 10), "task: duration: expected a positive number of s"),
     "percent text": (lambda: task().components(OTHER), "percent: expected a number, got 'a'"),
     "percent none": (lambda: task().components(NONE), "percent: expected a number, got None"),
     "percent nan": (lambda: task().components(np.nan), "percent: expected a percentage of at least 0"),

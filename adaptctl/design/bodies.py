@@ -80,7 +80,7 @@ def sphere(mass: float, place: ArrayLike = (0.0, 0.0, 0.0), *, density: float = 
     (3, 3)
     """
     density, mass = _size("density", density), _mass(mass)
-    return Payload(mass, frozen_array(place, (3,), "place"), ball_moment(mass, density) * np.eye(3))
+    return Payload(mass, frozen_array(place, (3,), "place"), ball_moments(mass, density) * np.eye(3))
 
 
 def box(mass: float, size: ArrayLike, place: ArrayLike = (0.0, 0.0, 0.0)) -> Payload:
@@ -259,21 +259,26 @@ CATALOGUE = {"gripper": gripper, "camera": camera, "motor": motor}
 ISOTROPIC_TENSOR = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0])
 
 
-def ball_moment(mass: float, density: float) -> float:
-    """Return the moment of inertia in kg m^2 of a solid ball about its center."""
-    return float(0.4 * mass * (3.0 * mass / (4.0 * np.pi * density)) ** (2.0 / 3.0))
+def ball_radii(masses: ArrayLike, density: float) -> Array:
+    """Return the radii in m of solid balls."""
+    return np.asarray(np.cbrt(3.0 * np.asarray(masses) / (4.0 * np.pi * density)), dtype=np.float64)
+
+
+def ball_moments(masses: ArrayLike, density: float) -> Array:
+    """Return the moments of inertia in kg m^2 of solid balls about their centers."""
+    return np.asarray(0.4 * np.asarray(masses) * ball_radii(masses, density) ** 2)
 
 
 def ball_tens(masses: ArrayLike, places: ArrayLike, density: float = np.inf) -> Array:
     """Return the ten inertial parameters (..., 10) in SI units of solid balls, as in `Link.inertia`."""
     m, x = np.asarray(masses, dtype=np.float64), np.asarray(places, dtype=np.float64)
-    own = 0.4 * m * (3.0 * m / (4.0 * np.pi * density)) ** (2.0 / 3.0)
+    own = ball_moments(m, density)
     return np.asarray(m[..., None] * _per_mass(x) + own[..., None] * ISOTROPIC_TENSOR)
 
 
 def ball_tens_slopes(masses: Array, places: Array, density: float) -> Array:
     """Return derivatives (..., 10, 4) of the balls' inertial parameters with respect to mass and position."""
-    own = (2.0 / 3.0) * (3.0 * masses / (4.0 * np.pi * density)) ** (2.0 / 3.0)
+    own = 5.0 / 3.0 * ball_moments(1.0, density) * masses ** (2.0 / 3.0)  # moments grow with the mass's power of 5/3
     with_mass = _per_mass(places) + own[..., None] * ISOTROPIC_TENSOR
     slopes = [with_mass]
     for i in range(3):

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from adaptctl.arrays import Array, frozen, positive_number, whole_number
+from adaptctl.arrays import Array, frozen, positive_number, random_seed
 from adaptctl.caching import cached_property, sent_as_made
 from adaptctl.description.inertia import is_physically_consistent
 from adaptctl.design.added_mass import ENERGY_ERROR_PERCENT
@@ -206,7 +206,7 @@ def optimal_counterweights(
     links = [places.link for places in bounds]
     if not links or len(set(links)) < len(links):
         raise InputError(f"counterweights: expected bounds for one or more different links, got {', '.join(links)}")
-    seed = whole_number(seed, "counterweights: seed", 0, 2**32 - 1)
+    seed = random_seed(seed, "counterweights: seed")
     task.components(percent)
     task.validate_energy()
     search = _Search(task, tuple(bounds), objective, positive_number(density, "density: expected a positive number"))

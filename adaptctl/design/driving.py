@@ -54,7 +54,7 @@ def driven(
     control_period: float = 1e-3,
     duration: float = RUN_DURATION,
     components: int | None = None,
-    seed: int = 0,
+    seed: int,
     progress: Callable[[float], object] = lambda share: None,
 ) -> tuple[DrivenArm, ...]:
     """Runs with and without counterweights that adapt all parameters, few components, and none."""
@@ -95,7 +95,7 @@ def _laws(task: DesignTask, tuning: Tuning, count: int) -> Iterator[tuple[str, s
 
 
 def _run(plant: Plant, law: SlotineLi, tuning: Tuning, duration: float) -> Rollouts:
-    start = tuning.reference(np.zeros(1)).p + tuning.initial_error
+    start = tuning.reference(0.0).p + tuning.initial_error
     given = {"duration": duration, "p": start, "v": 0.0 * start, "divergence_bound": MAX_POSITION_ERROR}
     return whole(simulate_many(plant, law, tuning.reference, **given))
 

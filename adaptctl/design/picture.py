@@ -11,12 +11,15 @@ from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.design.added_mass import CostMap
+from adaptctl.design.bodies import ball_radii
 from adaptctl.design.driving import DrivenArm
 from adaptctl.design.study import DesignStudy
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.joint_units import error_unit
 from adaptctl.dynamics.recursion.kinematics import link_poses
 from adaptctl.recording.drawing import BODY, INK, MUTED, Color, run_color, sheet, thinned
+from adaptctl.recording.figures import AVERAGING_TIME
+from adaptctl.recording.moving_average import moving_rms
 from adaptctl.recording.page import Report
 from adaptctl.recording.skeleton import Skeleton, Solid
 from adaptctl.recording.wording import torque_error_unit
@@ -35,8 +38,6 @@ GRID_POINTS = 5
 COUNTERWEIGHT_COLOR = Color(240, 200, 40)
 # Time in s of a swing where nothing was run, its positions, and the most positions of a run.
 SWING_TIME, NUM_FRAMES, MAX_FRAMES = 6.0, 121, 600
-# Time in s over which errors and torques are averaged.
-AVERAGING_TIME = 0.25
 
 
 def scale_of_costs() -> Colormap:
@@ -129,11 +130,8 @@ def _curves(runs: Sequence[DrivenArm]) -> Iterator[Curves]:
     from adaptctl.recording.stream import Curves, in_decades
 
     for i, run in enumerate(runs):
-        window = min(len(run.time), max(1, round(AVERAGING_TIME * len(run.time) / run.demand.duration)))
-        error, torque = (
-            np.sqrt(np.convolve(np.mean(values**2, axis=1), np.full(window, 1.0 / window), "same"))
-            for values in (run.error, run.applied)
-        )
+        period = run.demand.duration / len(run.time)
+        error, torque = (moving_rms(values, AVERAGING_TIME, period) for values in (run.error, run.applied))
         for name, values in (("error", in_decades(error)), ("torque", torque)):
             yield Curves(f"{name}/{run.name}", run.time, values, (run.label,), (run_color(i),), 2.0)
 
@@ -169,10 +167,8 @@ def _log_costs(recording: rr.RecordingStream, study: DesignStudy, parts: Skeleto
         small = rr.Points3D(grid, radii=[0.004], colors=shades)
         recording.log(f"{WORLD}/arm/{entity(places.link)}/room", small, static=True)
     for weight in weights:
-        radius = (3.0 * weight.mass / (4.0 * np.pi * weight.density)) ** (1.0 / 3.0)
-        ball = rr.Points3D(
-            [weight.place], radii=[radius], colors=[COUNTERWEIGHT_COLOR], labels=[f"{weight.mass:.3g} kg"]
-        )
+        radius, label = ball_radii(weight.mass, weight.density), f"{weight.mass:.3g} kg"
+        ball = rr.Points3D([weight.place], radii=[radius], colors=[COUNTERWEIGHT_COLOR], labels=[label])
         recording.log(f"{WORLD}/arm/{entity(weight.link)}/counterweight", ball, static=True)
 
 

@@ -19,6 +19,7 @@ from adaptctl.design.task import DesignTask
 from adaptctl.dynamics.joint_units import error_unit
 from adaptctl.identifiability.reduction import percent_errors
 from adaptctl.recording.drawing import Drawing, run_color, sheet, thinned
+from adaptctl.recording.figures import MAX_DRAWN_SAMPLES
 from adaptctl.recording.page import SHEU_WALKER, Lines, Report, Section, Table, TableLayout
 from adaptctl.recording.result import Fact, Progress, silent
 from adaptctl.recording.skeleton import skeleton
@@ -37,8 +38,6 @@ IN_LOOP = (
     "Slotine and Li's law tracks one reference before and after, from zero estimates: with all parameters adapted, "
     "with the few components of most energy adapted, and with their true values held."
 )
-# Largest number of points of a curve.
-MAX_DRAWN_POINTS = 3000
 # Largest number of changes whose equations are shown.
 MAX_EXPLAINED_CHANGES = 4
 
@@ -232,7 +231,7 @@ def _curves(runs: Sequence[DrivenArm], values: Callable[[DrivenArm], Array], lab
     figure = sheet(3.4)
     axes = figure.subplots()
     for i, run in enumerate(runs):
-        every = thinned(len(run.time), MAX_DRAWN_POINTS)
+        every = thinned(len(run.time), MAX_DRAWN_SAMPLES)
         shown = np.sqrt(np.mean(values(run)[every] ** 2, axis=1))
         axes.plot(run.time[every], shown, color=run_color(i).hex, label=run.label, linewidth=1.3)
     axes.set(yscale="log" if log else "linear", xlabel="time [s]", ylabel=label)

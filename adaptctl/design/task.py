@@ -10,7 +10,16 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, checked, frozen, frozen_array, positive_number, real_number, whole_number
+from adaptctl.arrays import (
+    Array,
+    checked,
+    frozen,
+    frozen_array,
+    positive_number,
+    random_seed,
+    real_number,
+    whole_number,
+)
 from adaptctl.caching import cached_property
 from adaptctl.control.controller import Reference
 from adaptctl.control.gains.gains import finite_torque_limits
@@ -139,10 +148,7 @@ class DesignTask:
         >>> DesignTask.within_limits(arm, samples=50, seed=1).v.shape
         (50, 2)
         """
-        samples, seed = (
-            whole_number(samples, "task: samples", 2, MAX_SAMPLES),
-            whole_number(seed, "task: seed", 0, 2**32 - 1),
-        )
+        samples, seed = whole_number(samples, "task: samples", 2, MAX_SAMPLES), random_seed(seed, "task: seed")
         speed = real_number(speed, "task: speed")
         if not 0.0 <= speed <= MAX_SPEED:
             raise InputError(f"task: speed: expected a finite number of at least 0, at most {MAX_SPEED:g}, got {speed}")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, checked, frozen_array, whole_number
+from adaptctl.arrays import Array, checked, frozen_array, random_seed
 from adaptctl.caching import cached_property
 from adaptctl.compilation.object_cache import kept
 from adaptctl.dynamics import Mechanism
@@ -293,7 +293,7 @@ def essential_space(
     validate_kind(mechanism, Mechanism, "essential_space", "as load(...) gives one")
     if not mechanism.unconstrained.num_energy_parameters:
         raise InputError(f"{mechanism.name}: no link has inertia: all are massless")
-    seed = whole_number(seed, "seed", 0, 2**32 - 1)
+    seed = random_seed(seed, "seed")
     given = None if states is None else partial(_same, energy_triangle(mechanism, states))
     search = Search(
         mechanism,

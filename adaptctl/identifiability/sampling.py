@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from adaptctl.arrays import Array, checked, whole_number
+from adaptctl.arrays import Array, checked, random_seed, whole_number
 from adaptctl.description.description import STANDARD_GRAVITY
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, validate_kind
@@ -301,7 +301,7 @@ def states_within_limits(mechanism: Mechanism, samples: int, seed: int = 0) -> S
     """
     validate_kind(mechanism, Mechanism, "states_within_limits", "as load(...) gives one")
     samples = whole_number(samples, "samples", 2, sys.maxsize)
-    seed = whole_number(seed, "seed", 0, 2**32 - 1)
+    seed = random_seed(seed, "seed")
     p, v = _within_all_limits(mechanism, samples, np.random.default_rng(seed))
     words = f"{samples} random states within the joint limits, seed {seed}"
     return States(p, v, words, partial(_others_within_limits, mechanism, seed))

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.arrays import Array, checked, frozen, real_number, whole_number
+from adaptctl.arrays import Array, checked, frozen, random_seed, real_number, whole_number
 from adaptctl.caching import cached_property
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, validate_kind
@@ -127,7 +127,7 @@ class Workspace:
         """
         validate_kind(mechanism, Mechanism, "workspace", "as load(...) gives one")
         samples = whole_number(samples, "workspace: samples", 1, MAX_SAMPLES)
-        seed = whole_number(seed, "workspace: seed", 0, 2**32 - 1)
+        seed = random_seed(seed, "workspace: seed")
         p = sampled_configurations(mechanism, samples, seed)
         turns = [joint.kind.is_revolute for joint in mechanism.primary_joints]
         below, above = np.pi * (np.isinf(_limits(mechanism)) & turns)
