@@ -24,6 +24,7 @@ from adaptctl.tuning.verification import (
     Trials,
     TrialSetting,
     Verification,
+    _spread,
     base_model,
     holds,
     other_arms,
@@ -296,3 +297,21 @@ def test_other_starts_are_of_other_arms() -> None:
     assert own.largest_error.max() < 1.0
     masses = {round(arm[20] / setting.parameters[20], 9) for arm in other_arms(trials.plant.mechanism, 0)}
     assert masses == {0.7, 1.0, 1.3, 2.0}
+
+
+def test_runs_spread_as_far_as_one_is_from_their_mean_in_the_end() -> None:
+    time, apart = 0.05 * np.arange(100.0), np.linspace(-0.3, 0.4, 8)
+    error = np.random.default_rng(0).normal(size=(100, 8, 2))
+    error[time >= time[-1] - 2.0] = 0.7 + np.stack((apart, 2.0 * apart), axis=-1)
+
+    def learn(model: Any, settings: list[Any], duration: float, off: np.ndarray) -> Any:
+        assert (model, settings, duration) == ("model", ["setting"] * 8, 20.0)
+        np.testing.assert_array_equal(np.abs(off), np.broadcast_to([0.1, 0.2], (8, 2)))
+        assert {-1.0, 1.0} == set(np.sign(off).ravel())
+        return SimpleNamespace(time=time, error=error)
+
+    trials: Any = SimpleNamespace(plant=SimpleNamespace(dof=2), off=np.array([0.1, 0.2]), learn=learn)
+    farthest = 0.4 - apart.mean()
+    assert _spread(trials, "model", "setting", 0, 20.0) == pytest.approx(farthest * np.sqrt(2.5))  # type: ignore[arg-type]
+    error[-1, 3, 1] = np.nan
+    assert _spread(trials, "model", "setting", 0, 20.0) == np.inf  # type: ignore[arg-type]
