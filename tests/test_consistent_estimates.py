@@ -15,9 +15,9 @@ from adaptctl.arrays import Array
 from adaptctl.description.inertia import UNIT_PSEUDO_INERTIAS, from_center_of_mass, pseudo_inertia
 from adaptctl.dynamics import load
 from adaptctl.identification import consistent_estimate as search
-from adaptctl.identification import read_drives
+from adaptctl.identification import interior_point, read_drives
 from adaptctl.identification.columns import joint_log
-from adaptctl.identification.consistent_estimate import consistent_estimate, optimality_residual
+from adaptctl.identification.consistent_estimate import consistent_estimate, consistent_estimates, optimality_residual
 from adaptctl.identification.entropic import POSITIVE_WEIGHT, EntropicPrior
 from adaptctl.identification.fit import FitSettings
 from adaptctl.identification.friction_model import FrictionModel
@@ -93,13 +93,13 @@ def test_the_minimum_is_that_of_a_conic_solver_for_links_far_from_their_prior_an
 @pytest.mark.parametrize("count", mostly_at_night([45, 1000], 45))
 def test_every_problem_ends_consistent_in_bounded_steps(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also those whose data ask for negative masses, or do not tell columns apart. Work is in steps."""
-    next_point, taken = search._Newton.next_point, Counter[int]()
+    next_point, taken = interior_point.Newton.next_point, Counter[int]()
 
-    def counted(self: search._Newton, small_slope: float) -> search._Point:
+    def counted(self: interior_point.Newton, small_slope: float) -> interior_point.Points:
         taken[seed] += 1
         return next_point(self, small_slope)
 
-    monkeypatch.setattr(search._Newton, "next_point", counted)
+    monkeypatch.setattr(interior_point.Newton, "next_point", counted)
     residuals = []
     for seed in range(count):
         A, b, prior, weight = problem(seed)
@@ -132,7 +132,8 @@ def test_searches_of_a_real_log_end_at_the_minimum_from_the_prior_itself() -> No
             settings = FitSettings(FrictionModel.named(terms), weight, evidence.band)
             for fold in range(0, evidence.blocks, 5):
                 blocks = [block for block in range(evidence.blocks) if not fold <= block < fold + 5]
-                assert evidence.fitted(evidence.equations(settings, blocks), settings).residual < 1e-12
+                (fit,) = evidence.fitted([evidence.equations(settings, blocks)], settings)
+                assert fit.residual < 1e-12
 
 
 def test_the_residual_is_that_of_the_objectives_slope() -> None:
@@ -162,6 +163,17 @@ def test_a_warm_start_ends_where_a_cold_one_does() -> None:
     np.testing.assert_allclose(A @ consistent_estimate(A, b, prior, weight, near), A @ cold, rtol=1e-6, atol=1e-6)
 
 
+def test_searches_together_end_where_each_does() -> None:
+    """Also those that start anew, and one of weights that round-off ends."""
+    _, _, prior, _ = problem(0)
+    each = [problem(seed)[:2] for seed in (0, 1, 3, 4, 6, 9)]
+    A, b = (np.stack(part) for part in zip(*each, strict=True))
+    A[1], b[1] = 1e280 * A[1], 1e280 * b[1]
+    alone = [consistent_estimate(*own, prior, 0.1) for own in zip(A, b, strict=True)]
+    for x, other, own in zip(consistent_estimates(A, b, prior, 0.1), alone, A, strict=True):
+        np.testing.assert_allclose(own @ x, own @ other, rtol=1e-6, atol=1e-6 * np.abs(own @ other).max())
+
+
 @pytest.mark.filterwarnings("error")
 def test_a_search_that_runs_away_leaves_the_end_to_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
     A, b, prior, weight = problem(0)
@@ -177,14 +189,15 @@ def test_a_search_that_runs_away_leaves_the_end_to_the_next(monkeypatch: pytest.
 
 @pytest.mark.filterwarnings("error")
 def test_equations_whose_diagonal_round_off_has_turned_are_solved_without_a_warning() -> None:
-    np.testing.assert_allclose(search._solver(np.diag([4.0, -1e-18, 0.0]))(np.array([8.0, 0.0, 0.0])), [2.0, 0.0, 0.0])
+    solved = interior_point.solver(np.diag([4.0, -1e-18, 0.0])[None])(np.array([[8.0, 0.0, 0.0]]))
+    np.testing.assert_allclose(solved, [[2.0, 0.0, 0.0]])
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_squares_of_steps_are_never_negative_by_round_off(seed: int) -> None:
     """Products with the matrix were: a step along a kernel of large entries seemed to go downhill for ever."""
     A, b, prior, weight = problem(seed)
-    size, root = np.sqrt(np.diag(A)), search._Problem(A, b, prior, weight).root
+    size, (root,) = np.sqrt(np.diag(A)), interior_point.Problems.made(A[None], b[None], prior, weight).root
     np.testing.assert_allclose(root.T @ root / np.outer(size, size), A / np.outer(size, size), atol=1e-13)
     kernel = np.linalg.eigh(A / np.outer(size, size))[1][:, :3] / size[:, None]
     lost = 1e12 * kernel
@@ -203,8 +216,8 @@ def test_a_search_takes_the_same_steps_in_other_units(
     tens = prior.tens * units[: 10 * SIZE].reshape(SIZE, 10)
     others = EntropicPrior(tens, prior.positive, prior.scales * units[prior.positive])
     steps: list[object] = []
-    next_point = search._Newton.next_point
-    monkeypatch.setattr(search._Newton, "next_point", lambda *own: steps.append(own) or next_point(*own))
+    next_point = interior_point.Newton.next_point
+    monkeypatch.setattr(interior_point.Newton, "next_point", lambda *own: steps.append(own) or next_point(*own))
     x, own = consistent_estimate(A, b, prior, weight), len(steps)
     y = consistent_estimate(A / np.outer(units, units), b / units, others, weight)
     assert len(steps) - own == own > 0

@@ -192,7 +192,7 @@ def test_a_prior_is_heavier_where_no_body_can_follow_the_log(
     monkeypatch: pytest.MonkeyPatch, ratios: tuple[float, ...], weight: float
 ) -> None:
     search, tried = search_over(monkeypatch, [1.1, 1.0, UNSURE + 0.21, 1.3])
-    evidence: Any = SimpleNamespace(blocks=5, fit=lambda settings, _: int(settings.weight) - 1)
+    evidence: Any = SimpleNamespace(blocks=5, fits=lambda settings, _: [int(settings.weight) - 1])
     monkeypatch.setattr(choice, "misfit_ratio", lambda _, fit: ratios[fit])
     assert replace(search, evidence=evidence).weighted(tried).weight == weight
 
@@ -233,15 +233,15 @@ def test_a_prediction_is_of_blocks_left_out_newtons_and_newton_meters_apart() ->
         def misfit(self, x: Array) -> Array:
             return len(self.square) * np.array([1.0, 4.0, 9.0])
 
-    def fit(settings: FitSettings, blocks: list[int]) -> Any:
-        asked.append(blocks)
-        return SimpleNamespace(x=np.zeros(1))
+    def fits(settings: FitSettings, parts: list[list[int]]) -> Any:
+        asked.extend(parts)
+        return [SimpleNamespace(x=np.zeros(1))] * len(parts)
 
     def of(*kinds: JointKind) -> float:
         joints = [SimpleNamespace(kind=kind) for kind in kinds]
         mechanism = SimpleNamespace(dof=3, primary_joints=joints)
         evidence: Any = SimpleNamespace(
-            mechanism=mechanism, blocks=20, band=5.0, fit=fit, equations=lambda settings, blocks: Rows(blocks)
+            mechanism=mechanism, blocks=20, band=5.0, fits=fits, equations=lambda settings, blocks: Rows(blocks)
         )
         squares = predicted_squares(evidence, SETTINGS)
         np.testing.assert_allclose(squares, squares.mean())

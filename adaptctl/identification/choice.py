@@ -154,14 +154,23 @@ def predicted_squares(evidence: LogEvidence, settings: FitSettings) -> Array:
     """Squared relative error of torques predicted on blocks left out, by five groups of them; N and N m apart."""
     judged = settings.judging(evidence.band)
     squares, sizes = np.zeros((2, NUM_FOLDS, evidence.mechanism.dof))
-    for i, fold in enumerate(np.array_split(np.arange(evidence.blocks), NUM_FOLDS)):
-        rest = [b for b in range(evidence.blocks) if b not in fold]
-        held_out = evidence.equations(judged, fold.tolist())
-        squares[i] = held_out.misfit(evidence.fit(settings, rest).x)
+    folds = _folds(evidence)
+    for i, fit in enumerate(evidence.fits(settings, _rests(evidence))):
+        held_out = evidence.equations(judged, folds[i])
+        squares[i] = held_out.misfit(fit.x)
         sizes[i] = held_out.square.sum(axis=0)
     revolute = np.array([joint.kind.is_revolute for joint in evidence.mechanism.primary_joints])
     kinds = [kind for kind in (revolute, ~revolute) if sizes[:, kind].sum() > 0.0]
     return np.asarray(np.mean([squares[:, kind].sum(axis=1) / sizes[:, kind].sum() for kind in kinds], axis=0))
+
+
+def _folds(evidence: LogEvidence) -> list[list[int]]:
+    return [fold.tolist() for fold in np.array_split(np.arange(evidence.blocks), NUM_FOLDS)]
+
+
+def _rests(evidence: LogEvidence) -> list[list[int]]:
+    """Blocks that each fold leaves."""
+    return [[b for b in range(evidence.blocks) if b not in fold] for fold in _folds(evidence)]
 
 
 def _near(tried: Sequence[FitSettings], ratios: Sequence[float]) -> list[FitSettings]:
@@ -219,7 +228,8 @@ class _Selection:
     def weighted(self, tried: Sequence[FitSettings]) -> FitSettings:
         """Settings by whose weight of the prior blocks left out are predicted best, by rising weights."""
         evidence, what = self.evidence, "weight of the prior"
-        ratios = _each(lambda s: misfit_ratio(evidence, evidence.fit(s, range(evidence.blocks))), tried)
+        parts = [list(range(evidence.blocks)), *_rests(evidence)]  # at once with those that are asked for next
+        ratios = _each(lambda s: misfit_ratio(evidence, evidence.fits(s, parts)[0]), tried)
         if MAX_MISFIT_RATIO < min(ratios) <= OTHER_ROBOT_RATIO:  # no body can be what this robot's log asks for
             return self.last(tried, what, _weight)
         near = _near(tried, ratios)

@@ -79,11 +79,12 @@ class EntropicPrior:
         return float(np.sum(self.inverses * self.matrices(x)) - np.sum(logarithms) - 4 * len(self.tens))
 
     def gradient(self, x: Array, weight: float) -> Array:
-        """Gradient (P,) of the divergence."""
+        """Gradients (..., P) of the divergence at parameters (..., P)."""
         out = np.zeros_like(x)
-        slopes = self.inverses - np.linalg.inv(self.matrices(x))
-        out[: self.tens.size] = weight * np.einsum("kij,nij->nk", UNIT_PSEUDO_INERTIAS, slopes).ravel()
-        out[self.positive] = POSITIVE_WEIGHT * (1.0 / self.scales - 1.0 / x[self.positive])
+        slopes = (self.inverses - np.linalg.inv(self.matrices(x))).reshape(*x.shape[:-1], len(self.tens), 16)
+        links = slopes @ UNIT_PSEUDO_INERTIAS.reshape(10, 16).T
+        out[..., : self.tens.size] = weight * links.reshape(*x.shape[:-1], -1)
+        out[..., self.positive] = POSITIVE_WEIGHT * (1.0 / self.scales - 1.0 / x[..., self.positive])
         return out
 
     def curvature(self, x: Array, weight: float) -> Array:
@@ -111,8 +112,9 @@ class EntropicPrior:
         return out
 
     def matrices(self, x: Array) -> Array:
-        """Pseudo-inertias (N, 4, 4) of the links."""
-        return (x[: self.tens.size].reshape(-1, 10) @ UNIT_PSEUDO_INERTIAS.reshape(10, 16)).reshape(-1, 4, 4)
+        """Pseudo-inertias (..., N, 4, 4) of the links of parameters (..., P)."""
+        links = x[..., : self.tens.size].reshape(*x.shape[:-1], -1, 10)
+        return (links @ UNIT_PSEUDO_INERTIAS.reshape(10, 16)).reshape(*links.shape[:-1], 4, 4)
 
 
 # Density in kg/m^3 of a ball that a link is spread at least as far as.

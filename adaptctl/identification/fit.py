@@ -14,7 +14,7 @@ from adaptctl.caching import cached_property
 from adaptctl.description.drive import MAY_BE_NEGATIVE, DriveParameter
 from adaptctl.dynamics import Mechanism
 from adaptctl.identifiability import FundamentalBasis
-from adaptctl.identification.consistent_estimate import consistent_estimate, optimality_residual
+from adaptctl.identification.consistent_estimate import consistent_estimates, optimality_residual
 from adaptctl.identification.drives_file import Drives
 from adaptctl.identification.entropic import EntropicPrior
 from adaptctl.identification.filtered_dynamics import Rows, SmoothMotion
@@ -210,13 +210,19 @@ class LogEvidence:
         return np.array([*(c for c in self.basis.columns if mask[c]), *others])
 
     def fit(self, settings: FitSettings, blocks: Sequence[int]) -> Fit:
-        """Consistent fit to some blocks, started where one with a prior of about the same weight ended."""
-        key = tuple(blocks)
-        if (settings, key) not in self._fits:
-            found = self.fitted(self.equations(settings, blocks), settings, self._nearest(key, settings.weight))
-            self._ends[key, settings.weight] = found.x
-            self._fits[settings, key] = found
-        return self._fits[settings, key]
+        """Consistent fit to some blocks."""
+        return self.fits(settings, [blocks])[0]
+
+    def fits(self, settings: FitSettings, parts: Sequence[Sequence[int]]) -> list[Fit]:
+        """Consistent fits to several parts, started where those with a prior of about the same weight ended."""
+        keys = [tuple(blocks) for blocks in parts]
+        if new := [key for key in keys if (settings, key) not in self._fits]:
+            starts = [self._nearest(key, settings.weight) for key in new]
+            each = self.fitted([self.equations(settings, key) for key in new], settings, starts)
+            for key, found in zip(new, each, strict=True):
+                self._ends[key, settings.weight] = found.x
+                self._fits[settings, key] = found
+        return [self._fits[settings, key] for key in keys]
 
     def _nearest(self, blocks: tuple[int, ...], weight: float) -> Array | None:
         """End (P,) of a fit near one on some blocks, if any is: on the same ones first, then of the nearest weight."""
@@ -233,15 +239,18 @@ class LogEvidence:
     def _fits(self) -> dict[tuple[FitSettings, tuple[int, ...]], Fit]:
         return {}
 
-    def fitted(self, equations: NormalEquations, settings: FitSettings, start: Array | None = None) -> Fit:
-        """Consistent fit to normal equations, each joint weighted by its residual in least squares."""
-        mask = settings.columns(self.mechanism)
-        _, deviations = weighted_least_squares(equations, self.independent(settings))
-        A, b = equations.whitened(deviations)
+    def fitted(
+        self, each: Sequence[NormalEquations], settings: FitSettings, starts: Sequence[Array | None] = ()
+    ) -> list[Fit]:
+        """Consistent fits to normal equations, each joint weighted by its residual in least squares."""
+        mask, prior, columns = settings.columns(self.mechanism), self.prior_of(settings), self.independent(settings)
+        deviations = [weighted_least_squares(equations, columns)[1] for equations in each]
+        whitened = [own.whitened(spread) for own, spread in zip(each, deviations, strict=True)]
+        A, b = (np.stack(part) for part in zip(*whitened, strict=True))
         A, b = A * np.outer(mask, mask), b * mask
-        prior = self.prior_of(settings)
-        begun = None if start is None else _started(start, prior, mask)
-        return Fit(consistent_estimate(A, b, prior, settings.weight, begun), deviations, A, b, prior, settings)
+        begun = [_started(start, prior, mask) for start in starts if start is not None]
+        found = consistent_estimates(A, b, prior, settings.weight, np.stack(begun) if len(begun) == len(each) else None)
+        return [Fit(*parts, prior, settings) for parts in zip(found, deviations, A, b, strict=True)]
 
     def prior_of(self, settings: FitSettings) -> EntropicPrior:
         """Prior of the parameters that settings have."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import takewhile
 from typing import NamedTuple
 
 import numpy as np
@@ -90,7 +91,7 @@ def compared_hypotheses(
     rows = HypothesisRows.of(evidence, others, springs)
     as_is = rows.mixed(np.eye(evidence.mechanism.dof))
     deviations = rows.least(as_is)[1]
-    x = rows.consistent(as_is, deviations)
+    (x,) = rows.consistent([(as_is, deviations)])
     error = relative_error(as_is, x)
     found, best = _tried(rows, delay, error, x)
     tried = [TriedHypothesis(AS_IS, "the log is as its columns, units and the robot file say", error)]
@@ -133,9 +134,8 @@ class _Trial:
         """True if the consistent estimate has at most an error, and is what the hypothesis says."""
         return not self.trial.is_bound and self.trial.error <= most and self.hypothesis.holds(self.x)
 
-    def consistent(self, rows: HypothesisRows, start: Array) -> _Trial:
-        """Trial by the consistent estimate, searched from that of the log as it is."""
-        x = rows.consistent(self.equations, self.deviations, start)
+    def consistent(self, x: Array) -> _Trial:
+        """Trial by the consistent estimate."""
         error, words = relative_error(self.equations, x), self.trial.words + self.hypothesis.told(x)
         return replace(self, x=x, trial=TriedHypothesis(self.trial.kind, words, error))
 
@@ -171,10 +171,13 @@ def _tried(rows: HypothesisRows, delay: Delay, error: float, x_as_is: Array) -> 
             found.append(_Trial(own, trial, equations, x, deviations))
     best = None
     alike = np.round(20.0 * np.log([one.trial.error for one in found]))  # where least squares tells none, as listed
-    for i in np.argsort(alike, kind="stable")[:MAX_CONTENDERS].tolist():
+    order = np.argsort(alike, kind="stable")[:MAX_CONTENDERS].tolist()
+    contenders = list(takewhile(lambda i: found[i].trial.error <= ALIKE * error, order))
+    fits = [(found[i].equations, found[i].deviations) for i in contenders]
+    for i, x in zip(contenders, rows.consistent(fits, x_as_is) if fits else [], strict=True):
         if found[i].trial.error > ALIKE * most:
             break
-        found[i] = found[i].consistent(rows, x_as_is)
+        found[i] = found[i].consistent(x)
         if found[i].fits(min(most, error / _margin(found[i].hypothesis, rows.evidence.mechanism.dof))):
             best, most = i, found[i].trial.error
     return found, best

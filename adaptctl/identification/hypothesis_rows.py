@@ -15,7 +15,7 @@ from adaptctl.caching import cached_property
 from adaptctl.description.drive import DriveParameter
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.array_equations import OnArrays
-from adaptctl.identification.consistent_estimate import consistent_estimate
+from adaptctl.identification.consistent_estimate import consistent_estimates
 from adaptctl.identification.filtered_dynamics import MIN_ROWS, ROWS_PER_PERIOD, RowFilter, Rows, SmoothMotion
 from adaptctl.identification.fit import FitSettings, LogEvidence
 from adaptctl.identification.friction_model import SIMPLE_FRICTION
@@ -193,15 +193,21 @@ class HypothesisRows:
     def _independent(self) -> NDArray[np.int64]:
         return self.evidence.independent(self.settings)
 
-    def consistent(self, equations: NormalEquations, deviations: Array, start: Array | None = None) -> Array:
-        """Consistent parameters (P,), the joints weighted by their deviations (r,), searched from a start."""
-        mask, evidence = np.ones(equations.moment.shape[-1]), self.evidence
-        own = self.settings.columns(evidence.mechanism)
-        mask[: len(own)] = own
-        A, b = equations.whitened(deviations)
-        prior = evidence.prior_of(self.settings)
-        begun = None if start is None else np.append(start, np.zeros(len(b) - len(start)))
-        return consistent_estimate(A * np.outer(mask, mask), b * mask, prior, PRIOR_WEIGHT, begun)
+    def consistent(self, fits: Sequence[tuple[NormalEquations, Array]], start: Array | None = None) -> list[Array]:
+        """Consistent parameters (P,) of equations with the joints' deviations (r,), searched together from a start."""
+        sizes = [equations.moment.shape[-1] for equations, _ in fits]
+        A, b = np.zeros((len(fits), max(sizes), max(sizes))), np.zeros((len(fits), max(sizes)))
+        for k, (equations, deviations) in enumerate(fits):
+            A[k, : sizes[k], : sizes[k]], b[k, : sizes[k]] = equations.whitened(deviations)
+        mask = np.append(self._columns, np.ones(max(sizes) - len(self._columns)))
+        begun = None if start is None else np.tile(np.append(start, np.zeros(max(sizes) - len(start))), (len(fits), 1))
+        prior = self.evidence.prior_of(self.settings)
+        found = consistent_estimates(A * np.outer(mask, mask), b * mask, prior, PRIOR_WEIGHT, begun)
+        return [x[:size] for x, size in zip(found, sizes, strict=True)]
+
+    @cached_property
+    def _columns(self) -> Array:
+        return self.settings.columns(self.evidence.mechanism)
 
     @cached_property
     def _slopes(self) -> tuple[Array, Array, NDArray[np.bool_]]:

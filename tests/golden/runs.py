@@ -102,17 +102,19 @@ def searched() -> dict[str, str]:
     """Parameters and errors after five steps of searches for consistent estimates, from afar and from near."""
     from test_consistent_estimates import problem, tiny
 
-    from adaptctl.identification.consistent_estimate import SMALL_SLOPE, _Newton, _Problem
+    from adaptctl.identification.consistent_estimate import SMALL_SLOPE
+    from adaptctl.identification.interior_point import Newton, Problems
 
     found = {}
     cases = {"far": (problem(3), False), "edge": (tiny(0), False), "near": (tiny(0), True)}
     for name, (given, near) in cases.items():
-        own = _Problem(*given)
-        point = own.start(own.prior.start(len(own.b)), near)
+        A, b, prior, weight = given
+        own = Problems.made(A[None], b[None], prior, weight)
+        point = own.start(prior.start(len(b))[None], near)
         for _ in range(5):
-            point = _Newton(own, point).next_point(SMALL_SLOPE)
-        ends = _Newton(own, point)
-        numbers = {"x": point.x, "error": ends.error, "fall": ends.fall, "residual": own.residual(point.x)}
+            point = Newton(own, point).next_point(SMALL_SLOPE)
+        ends = Newton(own, point)
+        numbers = {"x": point.x[0], "error": ends.error[0], "fall": ends.fall[0], "residual": own.residual(point.x)}
         found |= {f"{name}: {what}": told(value) for what, value in numbers.items()}
     return found
 
