@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from os import environ
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -248,6 +249,7 @@ def _write(folder: Path, found: Identification, robot: str, before: Mechanism, f
     """Files of an identification, and notes on what some of them cannot hold."""
     from adaptctl.identification.files import write_identification
 
+    environ.setdefault("MUJOCO_GL", "disable")  # MJCF is written by MuJoCo, whose windows take long to load
     written = write_identification(folder, found, robot, before, figures)
     return [note for one in written if (note := one.note(found)) is not None]
 
