@@ -139,12 +139,9 @@ class Accepted(NamedTuple):
 def drawn(model: ReducedModel, rng: np.random.Generator, count: int, delay: int = 0) -> LoopDraws | None:
     """Loops whose gains are accepted, up to the limit; every fifth has those that `tune` offers. Every fourth begins
     with an identified arm's estimate, the others knowing nothing, or the description where that is refused. What is
-    refused altogether is left out. None where `tune` offers none, or all are."""
+    refused altogether is left out, None where all are. Raises `InputError` where `tune` offers none."""
     rows, own = [], model.mechanism.inertial_parameters
-    try:
-        offered = _offered(model.mechanism, int(rng.integers(2**31)), delay)
-    except InputError:
-        return None
+    offered = _offered(model.mechanism, int(rng.integers(2**31)), delay)
     for k in range(count):
         gains, wanted, reference, workspace = _accepted(model.mechanism, rng, delay) if k % 5 else offered
         within: dict[str, Any] = {"control_period": PERIOD, "workspace": workspace}
@@ -288,10 +285,11 @@ def counted(seed: int, count: int, duration: float, beside: int, delay: int = 0)
     arm = random_arm(rng)
     try:
         model = ReducedModel(arm)
-    except RankError:  # kept parameters that nearly depend on each other: no controller is made
+        draws = drawn(model, rng, count, delay)
+    except (RankError, InputError):  # no controller is made where kept parameters nearly depend on each other
         return LoopCounts(arms=1)
-    if (draws := drawn(model, rng, count, delay)) is None:
-        return LoopCounts(arms=1)
+    if draws is None:
+        return LoopCounts(arms=1, offered=1)
     gain, safe = draws.settings.gain, draws.certified
     finite, rings = outcome(model, draws, Gradient(gain[0]), gain, duration)
     few = draws.first(beside)
