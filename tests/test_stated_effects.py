@@ -168,7 +168,9 @@ def test_only_encoders_behind_springs_are_told_of_their_damping() -> None:
         plant = plant_with(ARM, 1e-3, rule.limits, effects)
         return remedy(Trials(plant, rule.reference, rule.initial_error), gains)
 
-    assert "damping=" in told(ElasticJoints(1e4, motor_inertia=0.02))
+    alone = told(ElasticJoints(1e4, motor_inertia=0.02))
+    assert "damping=" in alone
+    assert f"down to {gains.bandwidth.max() / 4:.2g} 1/s fail" in alone
     assert told(ElasticJoints(1e4, motor_inertia=0.02, encoders="motor")) == told(*COUNTS) == told()
 
 

@@ -154,9 +154,9 @@ def remedy(trials: Trials, gains: Gains) -> str:
     least = SPRING_DAMPING * (gains.damping + inertia * gains.bandwidth)
     where = mechanism.primary_joints[int(least.argmax())].name
     return (
-        "a quarter of the bandwidth fails too, as springs that hardly damp swing with encoders behind them: state "
-        f"their damping, as ElasticJoints(damping=...), of which these gains need {least.max():.2g} at {where}, by "
-        f"linear equations, or encoders={MOTOR!r}, if motors are measured"
+        f"bandwidths down to {gains.bandwidth.max() / 2**SLOWER:.2g} 1/s fail too, as springs that hardly damp swing "
+        "with encoders behind them: state their damping, as ElasticJoints(damping=...), of which these gains need "
+        f"{least.max():.2g} at {where}, by linear equations, or encoders={MOTOR!r}, if motors are measured"
     )
 
 
