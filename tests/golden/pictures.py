@@ -17,6 +17,7 @@ from golden.scenes import scene, sheet
 
 DIGITS = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 CURVE, SHAPE = ("color", "linestyle", "linewidth", "marker", "markersize"), ("facecolor", "edgecolor", "linewidth")
+GRID = ("visible", "color", "linewidth", "zorder")
 WORDS = ("position", "color", "size", "ha", "va", "rotation", "weight")
 PROPERTIES = {"Line2D": CURVE, "Text": WORDS, "Polygon": SHAPE, "Rectangle": SHAPE, "AxesImage": ("clim", "extent")}
 OF_AXES = ("xlim", "ylim", "xscale", "yscale", "aspect", "visible", "position")
@@ -48,17 +49,26 @@ def told(values: Any) -> str:
 
 def of_figure(figure: Any) -> list[Any]:
     """Panels of a figure of Matplotlib, and the figure itself."""
-    legends = [f"legend {len(one.get_texts())} {one._ncols} {one._loc_real}" for one in figure.legends]
+    legends = [f"legend {len(one.get_texts())} {one._ncols} {one._loc_real} {legend(one)}" for one in figure.legends]
     return [told(figure.get_size_inches()), *map(text, figure.texts), *legends, *map(panel, figure.axes)]
 
 
 def panel(axes: Any) -> dict[str, Any]:
     found: dict[str, Any] = {"axes": looks(axes, OF_AXES)}
     found["ticks"] = [told(axis.get_ticklocs()) for axis in (axes.xaxis, axes.yaxis)]
-    found["grids"] = [any(line.get_visible() for line in own) for own in (axes.get_xgridlines(), axes.get_ygridlines())]
-    found["legend"] = axes.get_legend() is not None
+    lines = zip(
+        (axes.get_xgridlines(), axes.get_ygridlines()), (axes.get_xticklines(), axes.get_yticklines()), strict=True
+    )
+    found["grids"] = [f"{looks(grid[0], GRID)}, {ticks[0].get_markersize()}" for grid, ticks in lines if grid]
+    found["spines"] = " ".join(str(spine.get_visible()) for spine in axes.spines.values())
+    found["legend"] = legend(axes.get_legend())
+    found["over"] = told(axes.titleOffsetTrans.to_values()[5])
     found["labels"] = [text(own) for own in (axes.title, *axes.get_xticklabels()[:1], *axes.get_yticklabels()[:1])]
     return found | {"drawn": [artist(own) for own in axes.get_children() if drawn(own)]}
+
+
+def legend(own: Any) -> str:
+    return "" if own is None else f"{own.get_frame_on()} {own.get_texts()[0].get_size()}"
 
 
 def drawn(own: Any) -> bool:
@@ -160,14 +170,19 @@ def flat(values: Any) -> Iterator[float]:
 
 def figures() -> Iterator[tuple[str, Any]]:
     """Figures that are drawn by Matplotlib alone, and one that is SVG as well."""
+    from matplotlib import rc_context
+
+    from adaptctl.recording.drawing import PAPER_STYLE, STYLE
     from adaptctl.recording.figures import parameters
 
-    yield from contests()
-    yield from maps()
-    yield from printed()
-    yield from designs()
-    yield "rollout", compared().subject.rollout._figure()
-    yield "parameters", parameters(compared())
+    with rc_context({**STYLE, **PAPER_STYLE}):
+        yield from contests()
+    with rc_context(STYLE):
+        yield from maps()
+        yield from printed()
+        yield from designs()
+        yield "rollout", compared().subject.rollout._figure()
+        yield "parameters", parameters(compared())
 
 
 def contests() -> Iterator[tuple[str, Any]]:

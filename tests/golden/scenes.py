@@ -65,10 +65,10 @@ def scene(path: Path) -> None:
 def hanging(folder: Path) -> Path:
     """A file of an arm that hangs, with a shape of each kind, one of them with a color."""
     corner = struct.pack("<12fH", 0, 0, 1, 0, 0, 0, 0.3, 0, 0, 0, 0.3, 0, 0)
-    (folder / "part.stl").write_bytes(bytes(80) + struct.pack("<I", 1) + corner)
+    (folder / "part.stl").write_bytes(bytes(80) + struct.pack("<I", 4) + 4 * corner)
     shapes = ('box size="0.1 0.2 0.3"', 'sphere radius="0.1"', 'cylinder radius="0.05" length="0.4"')
     looks = [f"<visual><geometry><{shape}/></geometry></visual>" for shape in shapes]
-    red = '<material name="red"><color rgba="1 0.2 0 1"/></material>'
+    red = '<material name="red"><color rgba="0.7 0.2 0 1"/></material>'
     looks.append(f'<visual><geometry><mesh filename="part.stl" scale="1 -2 1"/></geometry>{red}</visual>')
     body = '<inertial><mass value="2"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
     links = [f'<link name="base">{looks[0]}</link>', f'<link name="upper">{body}{looks[3]}{looks[2]}</link>']
