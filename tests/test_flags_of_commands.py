@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import adaptctl
-from adaptctl import codegen, hardware, tuning
+from adaptctl import codegen, control, hardware, tuning
 from adaptctl.cli import experiment, identify, numbers, output
-from adaptctl.cli.drive import connected
+from adaptctl.cli.drive import _driven, connected
 from adaptctl.cli.main import main
 from adaptctl.cli.memory import return_large_blocks
 from adaptctl.codegen import builds
@@ -94,6 +94,61 @@ def test_a_robot_is_connected_as_asked(any_kernel: bool, monkeypatch: pytest.Mon
     for vendor, rate in (("ur", np.inf), ("udp", 1000.0)):
         limits, _ = found[vendor]
         assert (limits.torque.tolist(), limits.torque_rate.tolist()) == (ARM.effort_limits.tolist(), [rate, rate])
+
+
+def driven(monkeypatch: pytest.MonkeyPatch, **changed: Any) -> Any:
+    """What the library is asked to drive, of a robot of two joints at a period of 4 ms that stands at 0.1 and 0.2."""
+    here = hardware.RobotReading(0.0, np.array([0.1, 0.2]), np.zeros(2))
+    robot = SimpleNamespace(limits=hardware.HardwareLimits.of(ARM), period=4e-3, read=lambda: here, tool="tool")
+    given: dict[str, Any] = {"amplitude": 0.2, "on_touch": "ignore", "asked": False, "duration": 9.0} | changed
+    vars(robot).update({name: given[name] for name in ("limits", "read", "period") if name in given})
+    monkeypatch.setattr(hardware, "motion_about", lambda p, limits, amplitude: (p.tolist(), amplitude))
+    monkeypatch.setattr(hardware, "ready_controller", lambda *of: SimpleNamespace(made=of[1:]))
+    monkeypatch.setattr(
+        control, "with_external_torque", lambda made, cutoff: SimpleNamespace(made=made.made, felt=cutoff)
+    )
+    monkeypatch.setattr(hardware, "drive", asked)
+    interruption: Any = SimpleNamespace(asked=given["asked"])
+    motion = given["duration"], given["amplitude"]
+    with pytest.raises(AskedError) as told:
+        _driven(robot, ARM, motion, Path("out"), "view", given["on_touch"], "there", interruption)  # type: ignore[arg-type]
+    return told.value.args
+
+
+def test_a_robot_is_driven_as_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, law, motion, duration, log, more = driven(monkeypatch)
+    assert (motion, duration, log) == (([0.1, 0.2], 0.2), 9.0, Path("out/run.parquet"))
+    assert more == {"live": "view", "on_touch": "ignore"}
+    assert (law.made, hasattr(law, "felt")) == ((4e-3, motion, "tool", 0), False)
+    for period, cutoff in ((4e-3, 60.0), (0.02, 25.0)):  # at most half of the periods in a second
+        assert driven(monkeypatch, on_touch="stop", period=period)[1].felt == pytest.approx(cutoff)
+    assert driven(monkeypatch, amplitude=3.2)[2][1] == 3.2
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ({"amplitude": 3.21}, "--amplitude: expected at most 3.2 rad"),
+        ({"amplitude": 0.0}, "--amplitude: expected a positive amplitude"),
+        ({"duration": 0.0}, "--duration: expected a positive time"),
+        (
+            {"limits": hardware.HardwareLimits([1.0], [1.0], [-1.0], [1.0])},
+            "two_link has 2 joints, but the robot at there 1",
+        ),
+        ({"read": lambda: None}, "no measurement came from there"),
+        ({"read": lambda: hardware.RobotReading(0.0, np.array([0.1, 99.0]), np.zeros(2))}, "stands at 99, outside"),
+    ],
+)
+def test_what_cannot_be_driven_is_refused_before_it_is_tuned_for(
+    changed: dict[str, Any], told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(InputError, match=told):
+        driven(monkeypatch, **changed)
+
+
+def test_a_drive_that_was_interrupted_while_it_was_prepared_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        driven(monkeypatch, asked=True)
 
 
 def test_an_experiment_writes_and_prints_no_more_than_is_asked_for() -> None:

@@ -189,3 +189,16 @@ def test_signs_of_life_are_for_terminals_and_logs_unless_they_are_off(
     monkeypatch.setattr(module.threading, "Thread", thread)
     beat.start()
     assert started == begun
+
+
+@pytest.mark.parametrize(("told", "columns"), [((100, 30), 100), ((0, 0), 80), (None, 80)])
+def test_a_terminal_of_no_width_has_eighty_columns(
+    told: tuple[int, int] | None, columns: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def size(stream: int) -> os.terminal_size:
+        if told is None:
+            raise OSError
+        return os.terminal_size(told if stream == 2 else (1, 1))
+
+    monkeypatch.setattr(module.os, "get_terminal_size", size)
+    assert module._columns() == columns

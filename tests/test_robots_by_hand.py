@@ -47,6 +47,30 @@ def test_a_motor_driver_is_heard_by_the_first_of_its_numbers() -> None:
     assert robot._valid(udp(5.0, *[9.0] * 4), other) is None
 
 
+def test_a_motor_driver_is_waited_for_and_answered_by_its_count() -> None:
+    """Five seconds for its first datagram, and five periods from then on."""
+    robot: Any = object.__new__(UDPRobot)
+    robot.limits, robot.period, robot._peer, robot._count = LIMITS, PERIOD, None, -1.0
+    waits, sent, peer = list[float](), list[Any](), ("h", 1)
+    coming = [(udp(7.0), peer), (udp(3.0, 5.0, 6.0, -7.0, -8.0), peer), TimeoutError()]
+
+    def recvfrom(most: int) -> Any:
+        now = coming.pop(0)
+        if isinstance(now, TimeoutError):
+            raise now
+        return now
+
+    robot._link = SimpleNamespace(settimeout=waits.append, recvfrom=recvfrom, sendto=lambda *what: sent.append(what))
+    robot.write(np.array([1.0, 2.0]))  # to nobody
+    found = robot.read()
+    assert (found.time, found.p.tolist(), found.v.tolist()) == (pytest.approx(3 * PERIOD), [5.0, 6.0], [-7.0, -8.0])
+    assert found.torque is None
+    robot.write(np.array([1.0, -2.0]))
+    assert sent == [(udp(3.0, 1.0, -2.0, 0.0), peer)]
+    assert robot.read() is None
+    assert waits == pytest.approx([5.0, 5.0 * PERIOD])
+
+
 def test_measurements_are_trusted_up_to_what_the_speed_limits_allow() -> None:
     def taken(last: RobotReading, now: RobotReading) -> str:
         found = Measurements(ARM.primary_joints, LIMITS, PERIOD, REST)
