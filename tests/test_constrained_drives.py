@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,6 +11,7 @@ from hypothesis import strategies as st
 from random_trees import random_tree
 from test_constraints import case
 
+from adaptctl.description import Pose
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
@@ -49,3 +52,19 @@ def test_drives_have_the_rotors_that_constraints_bind() -> None:
     ):
         with pytest.raises(InputError, match=f"drives: the constraints bind {missing}; give the drives these terms"):
             one.with_drives(drives)
+
+
+def test_relations_of_a_small_arm_are_compared_in_its_own_units() -> None:
+    """Of one of half a millimetre, in which an inertia of 1 kg m^2 is that of tons."""
+    arm = random_tree(0, 2).description
+    small = [replace(one, parent_to_joint=_shrunk(one.parent_to_joint), joint_to_link=_shrunk(one.joint_to_link))
+             for one in arm.links]  # fmt: skip
+    mechanism, (name, *_) = Mechanism(replace(arm, links=tuple(small))), [link.name for link in small]
+    unit = mechanism.description.longest_offset**-2
+    relations = tuple(Relation({f"{name}.m": 1.0, f"{name}.I_zz": factor * unit}) for factor in (1.0, 2.0))
+    left = constrained(mechanism, Constraints(relations=relations)).num_energy_parameters
+    assert left == mechanism.num_energy_parameters - 2
+
+
+def _shrunk(pose: Pose) -> Pose:
+    return Pose(pose.rotation, 1e-3 * pose.translation)
