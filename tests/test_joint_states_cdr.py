@@ -53,7 +53,7 @@ def test_tables_are_the_same(messages: list[tuple[int, bytes]], monkeypatch: pyt
         np.testing.assert_array_equal(found.columns[name], values)
 
 
-def test_most_messages_are_decoded_together() -> None:
+def test_most_messages_are_decoded_together(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[bytes] = []
 
     def counted(data: bytes) -> Any:
@@ -63,6 +63,11 @@ def test_most_messages_are_decoded_together() -> None:
     parts = list(joint_states(LOGS["two publishers"], counted))
     assert len(asked) == 2
     assert sorted(len(part.stamps) for part in parts if isinstance(part, JointStates)) == [10, 20]
+    monkeypatch.setattr(joint_states_cdr, "AT_ONCE", 4)
+    asked.clear()
+    parts = list(joint_states([raw(k, ARM, frame="base" if k < 8 else "hand") for k in range(16)], counted))
+    assert [type(part) for part in parts] == [JointStates] * 4
+    assert len(asked) == 2  # the first of each frame, which is as long as the other
 
 
 @pytest.mark.parametrize("length", range(1, 10))
