@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 ALIKE = {
+    "adaptctl/control/transitions.py::FadeIn.__post_init__ 0.0 -> 1.0": "a reference has one shape at all times",
     "adaptctl/identifiability/chosen_columns.py::_kept_against_the_order apart <= READING -> apart < READING": (
         "no diagonal of a factor is the tolerance to the last bit"
     ),
