@@ -11,14 +11,15 @@ import pytest
 from driven_robots import ARM
 
 from adaptctl.cli.export import export
-from adaptctl.control import SafetyFilter, Sinusoids, SlotineLi
+from adaptctl.control import ComputedTorque, SafetyFilter, Sinusoids, SlotineLi
 from adaptctl.control.controller import ReferencePoint
 from adaptctl.errors import InputError
 from adaptctl.hardware import HardwareLimits, LoopTimes, RobotReading, drive, loop, udp_plant
 from adaptctl.hardware.checks import standing
-from adaptctl.hardware.lead_in import _lengths
+from adaptctl.hardware.lead_in import _lengths, beyond_limits
 from adaptctl.hardware.loop import DriveLoop
 from adaptctl.hardware.measurements import Measurements
+from adaptctl.hardware.resting import StoppingDistance
 from adaptctl.hardware.stop import PlannedStop
 from adaptctl.hardware.torque_guard import TorqueGuard
 from adaptctl.identifiability import ReducedModel
@@ -68,6 +69,19 @@ def made(**given: Any) -> Any:
     }  # fmt: skip
     vars(found).update(plain | given)
     return found
+
+
+def test_a_loop_begins_with_nothing_behind_it() -> None:
+    stopping: Any = SimpleNamespace(inverses=np.eye(2)[None])
+    law: Any = SafetyFilter(ComputedTorque(ARM, 4.0), stop_damping=1.0)
+    rest: Any = None
+    begun = DriveLoop(Asked(), law, rest, 10.0, ARM, LIMITS, stopping, rest, rest, rest)
+    assert (begun.time, begun.blind, begun.good, begun.stop, begun.stopped) == (0.0, 0, 0.0, None, "")
+    assert [begun.by_robot, begun.interrupted, begun.ended, begun.moves] == [False] * 4
+    peaks = begun.peak_rate, begun.peak_speed_share, begun.first_error, begun.worst_error
+    assert peaks == (0.0, 0.0, 0.0, 0.0)
+    assert begun._logged < 0.0  # what is at time 0 is logged
+    assert str(begun) == "driving, 0 of 10 s, worst error 0 mrad"
 
 
 def test_an_arm_is_stopped_where_a_limit_is_passed_and_not_where_it_is_met() -> None:
@@ -273,6 +287,16 @@ def test_lead_ins_are_as_documented_and_at_most_half_of_a_run() -> None:
     assert _lengths(40.0) == [3.0, 5.0, 8.0, 12.0, 20.0]
     assert _lengths(39.9) == [3.0, 5.0, 8.0, 12.0]
     assert _lengths(1.0) == [3.0]
+
+
+@pytest.mark.parametrize(("joints", "spoilt"), [(1, 0.0), (3, 0.0), (2, np.nan), (2, np.inf)])
+def test_a_reference_has_finite_points_of_all_joints(joints: int, spoilt: float) -> None:
+    def reference(t: Any) -> ReferencePoint:
+        still = np.zeros((len(t), joints))
+        return ReferencePoint(still, still + spoilt, still)
+
+    told = beyond_limits(reference, 1.0, ARM, LIMITS, StoppingDistance(ARM, LIMITS, PERIOD))
+    assert told == "expected finite positions, velocities and accelerations of 2 joints"
 
 
 def test_an_arm_whose_measurements_are_not_sound_is_refused_with_the_last_fault() -> None:

@@ -31,6 +31,7 @@ from adaptctl.errors import (
     SimplificationWarning,
 )
 from adaptctl.experiments.adaptive import AdaptiveTracking
+from adaptctl.hardware import MuJoCoRobot
 from adaptctl.simulation import simulate_many
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant
 
@@ -189,10 +190,9 @@ def test_servos_are_named_as_what_they_are(tmp_path: Path) -> None:
     ):
         MuJoCoPlant.of(model, 1e-3)
     with pytest.warns(SimplificationWarning):
-        plant = MuJoCoPlant.of(model, 1e-3, servos_off=True)
+        plant = MuJoCoRobot(model, 1e-3).plant
     free = MuJoCoPlant.of(mujoco.MjModel.from_xml_string(mjcf(STAND)), 1e-3, torque_limits=[9.0, np.inf])
-    start = np.array([0.3, -0.2])
-    one, other = plant.init(start, 0 * start), free.init(start, 0 * start)
+    one, other = (each.init([0.3, -0.2], [0.0, 0.0]) for each in (plant, free))
     for _ in range(50):
         one, other = plant.step(one, [1.0, 2.0]), free.step(other, [1.0, 2.0])
     np.testing.assert_array_equal(one.p, other.p)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
+from inspect import signature
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,7 +14,7 @@ from driven_robots import ARM
 
 import adaptctl
 from adaptctl.control.controller import ReferencePoint
-from adaptctl.hardware import FrankaRobot, HardwareLimits, RobotReading, UDPRobot, checks
+from adaptctl.hardware import FrankaRobot, HardwareLimits, RobotReading, TrossenRobot, UDPRobot, URRobot, checks
 from adaptctl.hardware.force_sensor import ForceReading, ForceSensor
 from adaptctl.hardware.franka_robot import FR3_LIMITS
 from adaptctl.hardware.measurements import Measurements
@@ -235,6 +236,12 @@ def test_delays_of_a_robot_are_whole_periods() -> None:
     for wrong in (-1e-9, 1.0001):
         with pytest.raises(adaptctl.InputError, match="expected a time in s of 0 to 1"):
             late(wrong)
+
+
+def test_torques_of_vendors_arms_act_a_period_later() -> None:
+    period = signature(TrossenRobot).parameters["control_period"].default
+    for kind in (FrankaRobot, URRobot, TrossenRobot):
+        assert periods_late(SimpleNamespace(delay=kind.delay, period=getattr(kind, "period", period))) == 1
 
 
 def test_a_controller_is_for_the_robots_period_to_a_thousandth() -> None:
