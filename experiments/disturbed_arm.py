@@ -18,6 +18,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, NotFoundError, suggested_name
 from adaptctl.experiments.contest import FromFile, chosen_gains, listed
 from adaptctl.experiments.experiment import DIVERGENCE_ERROR, setting
+from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
 from adaptctl.identifiability import ReducedModel, essential_space, fundamental_basis
 from adaptctl.recording import Failure, Setting
 from adaptctl.tuning.verification import scaled_links
@@ -25,12 +26,10 @@ from adaptctl.tuning.verification import scaled_links
 if TYPE_CHECKING:
     from adaptctl.simulation.effects import Effect, Payload
 
-CENTER = (0.0, -0.6, 0.8, 0.0, 0.5, 0.0)
-"""rad: elbow bent"""
+CENTER, AMPLITUDES, SINGLE = Puma560Adaptive.center, Puma560Adaptive.amplitude, Puma560Adaptive.frequency
+"""rad and Hz of its sinusoids: elbow bent"""
 FREQUENCIES = (0.15, 0.3, 0.55, 0.85, 1.2)
 """Hz, each drawn 20 % up or down for every joint, with amplitudes as 1/sqrt(frequency)"""
-AMPLITUDES, SINGLE = (0.5, 0.4, 0.4, 0.4, 0.4, 0.4), (0.1, 0.125, 0.15, 0.175, 0.2, 0.225)
-"""rad and Hz of the sinusoids of `puma560-adaptive`"""
 SAMPLES = 400
 """sampled states of a reference"""
 WINDOW = 2.0

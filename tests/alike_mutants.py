@@ -137,5 +137,11 @@ ALIKE = {
     "adaptctl/codegen/wasm_module.py::WasmModule._sincos 1 -> 2": "an argument beside the angle has no use",
     "adaptctl/recording/vector.py::Sheet._legend 1 -> 2": "steps through no marks are none, however long",
     "adaptctl/sweeps/search.py::search 1e+300 -> 2e+300": "errors are below both, and runs that failed above them",
+    "adaptctl/design/counterweights.py::_Search.fewest count > 0 -> count >= 0": (
+        "no design has fewer components than none"
+    ),
+    "adaptctl/design/report.py::_components_figure errors > 1e-08 -> errors >= 1e-08": (
+        "no error is a hundred-millionth of a percent to the last bit"
+    ),
 }
 """Mutants that mean the same as the code, by their keys, and why no test can tell them from it."""

@@ -72,6 +72,14 @@ def test_a_stack_holds_numbers_and_where_to_return_to_of_all_that_are_called_at_
     assert stack(lambda x: inner(x[0]) + outer(x[1])) - calls[1] < sums[0]  # one of them at a time
 
 
+def test_a_function_that_is_called_bears_the_name_of_its_part() -> None:
+    def squared(a: Any) -> Any:
+        return a * a
+
+    routine, program = trace(lambda x: outlined(squared)(x[0]), {"x": 1}), CProgram("a", CNumber("double", {}))
+    assert "static void a_squared_0(" in program.source(routine, program.on_arrays(routine, "a_f", ["x"])).text
+
+
 @pytest.mark.parametrize(
     ("mechanism", "name"),
     [("7-DOF Arm", "arm_7_dof_arm"), ("int", "int_"), ("Ä", "arm_"), ("a" * 50, "a" * 40), ("UR5e", "ur5e")],

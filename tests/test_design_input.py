@@ -144,6 +144,7 @@ def test_the_ten_best_of_the_designs_that_are_drawn_are_improved(monkeypatch: py
     drawn = search.drawn(0)
     assert len(drawn) == 1 + 4096
     search.least(None, 0)
+    assert search.evaluations == len(drawn)
     costs = np.sort(np.linalg.norm(search.residuals(drawn), axis=-1))
     np.testing.assert_allclose([np.linalg.norm(search.residuals(z)) for z in starts], costs[:10])
 

@@ -23,7 +23,7 @@ def test_compilers_are_those_on_the_path(monkeypatch: pytest.MonkeyPatch, tmp_pa
     assert set(found_compilers()) <= {"zig cc"}
     (tmp_path / "tcc").write_text('#!/bin/sh\n[ "$1" = -v ] && echo tcc version 1\n')
     (tmp_path / "tcc").chmod(0o755)
-    (tmp_path / "clang").write_text("#!/bin/sh\nexit 1\n")
+    (tmp_path / "clang").write_text("#!/bin/sh\necho broken; exit 1\n")
     (tmp_path / "clang").chmod(0o755)
     (tmp_path / "cc").write_text('#!/bin/sh\n[ "$1" = --version ] && echo cc 1\n')
     (tmp_path / "cc").chmod(0o755)

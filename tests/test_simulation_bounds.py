@@ -10,6 +10,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from every_law import ARM, GAIN, slotine_li
 from random_trees import random_chain
@@ -32,6 +33,7 @@ from adaptctl.simulation.members import validate_single
 from adaptctl.simulation.mujoco_plant import TOUCH_FLAGS, MuJoCoPlant, contacts_at
 from adaptctl.simulation.reference_limits import _beyond
 from adaptctl.simulation.rollout import _measuring, _SteppedRun, _validate_joints
+from adaptctl.simulation.rollout_file import CONTROLLER_ARRAYS, SAMPLE_UNITS, RolloutFile
 from adaptctl.simulation.run_logger import _validate_memory
 from adaptctl.simulation.simulate_many import _Runs
 from adaptctl.simulation.summaries import ErrorSums, sum_sizes, summary, summed, watched
@@ -105,6 +107,20 @@ def test_a_run_has_taken_the_time_of_its_computation() -> None:
     assert 0.0 < run.wall_time < perf_counter() - started
     logged = Rollout.from_arrays(run.p, run.torque, run.reference_p, 1e-3)
     assert logged.wall_time == 0.0
+
+
+def test_a_stretch_without_samples_adds_nothing_to_a_file(tmp_path: Path) -> None:
+    def samples(count: int) -> dict[str, Any]:
+        joint = ("p", "v", "reference_p", "reference_v", "reference_a", "torque", "applied")
+        own = dict.fromkeys(("measured_p", "measured_v")) | dict.fromkeys(CONTROLLER_ARRAYS, np.zeros((count, 0)))
+        return dict.fromkeys(joint, np.zeros((count, 1))) | dict.fromkeys(SAMPLE_UNITS, np.zeros(count)) | own
+
+    for counts, groups in (((3, 0, 2), 2), ((0,), 1)):
+        with RolloutFile(tmp_path / "run.parquet", 1) as file:
+            for count in counts:
+                file.append(samples(count), {})
+        told = pq.ParquetFile(tmp_path / "run.parquet").metadata
+        assert (told.num_rows, told.num_row_groups) == (sum(counts), groups)
 
 
 def test_single_precision_counts_two_to_the_24_periods() -> None:

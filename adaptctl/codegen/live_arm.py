@@ -130,7 +130,7 @@ def _obstacle(plant: Plant, controller: Controller[Any], reference: Reference) -
 def _facts(loop: LiveLoop, own: dict[str, int], made: list[int], layout: Layout) -> dict[str, Any]:
     mechanism, states = loop.plant.mechanism, len(loop.state)
     damping = getattr(Interface(loop.controller).innermost, "damping", 1.0)
-    poses = link_poses(mechanism, sampled_configurations(mechanism, 40))
+    poses = link_poses(mechanism, sampled_configurations(mechanism))
     return {
         "period": loop.plant.control_period,
         "joints": [joint.name for joint in mechanism.primary_joints],

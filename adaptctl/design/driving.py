@@ -96,7 +96,7 @@ def _laws(task: DesignTask, tuning: Tuning, count: int) -> Iterator[tuple[str, s
 
 def _run(plant: Plant, law: SlotineLi, tuning: Tuning, duration: float) -> Rollouts:
     start = tuning.reference(0.0).p + tuning.initial_error
-    given = {"duration": duration, "p": start, "v": 0.0 * start, "divergence_bound": MAX_POSITION_ERROR}
+    given = {"duration": duration, "p": start, "v": np.zeros(plant.dof), "divergence_bound": MAX_POSITION_ERROR}
     return whole(simulate_many(plant, law, tuning.reference, **given))
 
 

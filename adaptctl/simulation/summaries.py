@@ -49,8 +49,8 @@ def summed(clock: Scalar, error: Column, columns: Mapping[str, Column]) -> Error
     sizes = Column(map(absolute, error))
     joint = before.joint[0]
     for i in reversed(range(len(sizes))):
-        sound = where(sizes[i] <= columns["beyond"][i], 1.0, 0.0)  # what is not a number is beyond
-        joint = where(before.joint[0] > 0.5, before.joint[0], where(sound > 0.5, joint, i + 1.0))
+        gone = where(sizes[i] <= columns["beyond"][i], joint, i + 1.0)  # what is not a number is beyond
+        joint = where(before.joint[0] > 0.5, before.joint[0], gone)
     runs, first = joint < 0.5, before.joint[0] < 0.5
     counted = Column(where(runs, x, 0.0) for x in error)
     late = where(clock < columns["final"][0], 0.0, 1.0)
