@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from every_law import ARM, law_named
 
 import adaptctl
+from adaptctl.description.loops import Coupling, Loops
 from adaptctl.simulation import ClosedLoop, Plant
 from adaptctl.simulation.law_operations import _counted, law_flops
 
@@ -29,3 +32,14 @@ def test_operations_of_an_arm_with_loops_are_those_of_the_law_alone() -> None:
     ClosedLoop(Plant(arm, 1e-3), law).compiled(1.0)
     assert law.kernel is not None
     assert law_flops(law) == law.kernel.operations.flops
+
+
+def test_operations_of_an_arm_with_a_coupled_joint_are_counted_in_its_loop() -> None:
+    tree = adaptctl.load("two_link").description
+    leader, follower = tree.joint_names
+    belt = Coupling("belt", follower, leader, 0.5)
+    arm = adaptctl.Mechanism(replace(tree, loops=Loops((leader,), couplings=(belt,))))
+    law = adaptctl.control.SlotineLi(adaptctl.ReducedModel(arm), 5.0, 10.0)
+    ClosedLoop(Plant(arm, 1e-3), law).compiled(1.0)
+    assert law.kernel is not None
+    assert abs(_counted(law.structure)[0] - law.kernel.operations.flops) <= 3  # for the coupled position

@@ -11,9 +11,10 @@ from adaptctl.control.controller import Controller
 from adaptctl.control.slotine_li import SlotineLi
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, validate_kind
+from adaptctl.scalars import column
 
 SAMPLES = 1000
-"""samples of a run whose matrices are in memory at once"""
+"""samples of a run whose energies by parameter are in memory at once"""
 
 
 class TrackedRun(Protocol):
@@ -142,9 +143,7 @@ def lyapunov(controller: SlotineLi, run: LearningRun, mechanism: Mechanism) -> A
     """
     s, model = sliding_variable(controller, run), controller.model
     parts = [slice(k, k + SAMPLES) for k in range(0, max(len(s), 1), SAMPLES)]
-    kinetic = 0.5 * np.concatenate(
-        [np.einsum("ti,tij,tj->t", s[k], mechanism.mass_matrix(run.p[k]), s[k]) for k in parts]
-    )
+    kinetic = np.concatenate([_kinetic_energy(mechanism, run.p[k], s[k]) for k in parts])
     if controller.adaptation_law is None:
         return kinetic
     if len(mechanism.parameter_names) != len(model.mechanism.parameter_names):
@@ -159,3 +158,9 @@ def lyapunov(controller: SlotineLi, run: LearningRun, mechanism: Mechanism) -> A
         law = type(controller.adaptation_law).__name__
         raise InputError(f"lyapunov: that of {law} needs more than the recorded estimate")
     return kinetic + np.concatenate(found)
+
+
+def _kinetic_energy(mechanism: Mechanism, p: Array, v: Array) -> Array:
+    equations, q = mechanism.equations.without_gravity(), column(mechanism.configuration(p))
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.asarray(equations.energy_regressor(q, column(v)) @ column(mechanism.inertial_parameters))

@@ -222,7 +222,7 @@ class ClosedLoop:
     def _counted(self, **columns: Column) -> tuple[Any, ...]:
         results, states = self.step(**columns), len(self.state)
         memory = results[len(self.plant.sizes) + len(_NOTHING) : states]
-        if self.plant.mechanism.description.loops is None:  # which the plant closes, too
+        if not self.plant.mechanism.description.closed:  # as the plant closes loops, too
             count(self.controller, chain(Sample(*results[states:]).torque, *memory))
         return results
 

@@ -17,7 +17,7 @@ from adaptctl.dynamics.recursion.energy import momentum_terms
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, Scalar, column, each, spread
+from adaptctl.scalars import Column, Scalar, Structure, column, each, spread
 from adaptctl.scalars.column import combined
 
 
@@ -97,9 +97,14 @@ def decayed(x: Any) -> tuple[Any, Any]:
     return left, mean
 
 
-@lru_cache(maxsize=64)
 def momentum_columns(model: ReducedModel) -> list[list[int]]:
     """Indices of the parameters in each joint's filtered torque."""
+    return _momentum_columns(model.structure)
+
+
+@lru_cache(maxsize=64)
+def _momentum_columns(structure: Structure) -> list[list[int]]:
+    model: ReducedModel = structure.of
     equations, r = model.mechanism.equations, model.mechanism.dof
 
     def terms(q: Column, v: Column) -> list[Column]:

@@ -223,7 +223,10 @@ def _feedback(
 def _of_damping(M: Array, damping: Array, control_period: float) -> Array:
     """T_c lambda_max(M^-1 K), of a symmetric problem, infinite without positive definite M."""
     least = np.linalg.eigvalsh(M / np.sqrt(damping[:, None] * damping))[..., 0]
-    definite = (scaled_eigenvalues(M)[..., 0] > MIN_EIGENVALUE) & (least > 0.0)
+    scale = damping / np.maximum(np.diagonal(M, axis1=-2, axis2=-1), MIN_EIGENVALUE)
+    definite = np.asarray(least * scale.min(axis=-1) > MIN_EIGENVALUE)  # by Ostrowski's theorem
+    if not definite.all():
+        definite = (scaled_eigenvalues(M)[..., 0] > MIN_EIGENVALUE) & (least > 0.0)
     return np.where(definite, control_period / np.where(definite, least, 1.0), np.inf)
 
 
