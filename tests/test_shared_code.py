@@ -83,6 +83,18 @@ def test_shared_code_lives_as_long_as_what_calls_it(compiled: list[str]) -> None
     assert len(compiled) == 6
 
 
+def test_routines_that_call_shared_ones_are_shared_after_them(
+    compiled: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(llvm, "MIN_APART", 5)
+    inner = outlined(lambda x: Column((cos(x[0]) + x[1], 0.3 * x[0])))
+    outer, start = outlined(lambda x: Column((sin(inner(x)[0]), x[0] * inner(x)[1]))), np.array([0.3, -0.2])
+    once, twice = two_steps(outer)
+    defined = [text.count("define void @shared.") for text in compiled]
+    assert defined == [1, 1, 0, 0]
+    assert twice.run_single(1, start, np.empty(0)).tolist() == (0.5 * once.run_single(2, start, np.empty(0))).tolist()
+
+
 @nightly
 def test_short_routines_and_lanes_stay_in_their_module(compiled: list[str]) -> None:
     short = outlined(lambda x: Column((sin(x[0]) + x[1], x[0])))

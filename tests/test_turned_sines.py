@@ -147,3 +147,13 @@ def test_one_far_angle_of_a_group_changes_no_other(n: int, lanes: int) -> None:
     after = wild_q + DT * wild_v
     reached = np.concatenate([np.sin(after), np.cos(after)], axis=-1)
     np.testing.assert_allclose(later, reached, atol=5e-9)  # a spacing of 1e7
+
+
+def test_passed_sines_turn_as_own_ones_do() -> None:
+    """A called function has the same bits as the whole, and computes no sines anew."""
+    q, v = np.random.default_rng(0).uniform(-3.0, 3.0, (2, 200, 1))
+    apart, whole = (
+        compile_function(lambda q, v, of=of: of(q, v), {"q": 1, "v": 1}, name="turned")
+        for of in (outlined(turning), turning)
+    )
+    assert np.array_equal([apart(*x) for x in zip(q, v, strict=True)], [whole(*x) for x in zip(q, v, strict=True)])

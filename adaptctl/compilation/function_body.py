@@ -36,11 +36,12 @@ class FunctionBody:
         same: Invariants = NONE,
         uniform: Container[int] = (),
         landed: Landings = NOWHERE,
+        sines: tuple[Sequence[Expression], str] = ((), ""),
     ) -> None:
         self._uniform = uniform if lanes.count > 1 else ()
         self._text, self._lanes = Instructions(lanes), lanes
         self._symbols, self._found, self._same, self._landed = symbols, found, same, landed
-        self._sines = SinesAtOnce(self._text)
+        self._sines = SinesAtOnce(self._text, *sines)
         self._turns = asked_at_once([x for x in expressions if x.index not in found and x.index not in same.places])
         self._latest: dict[int, tuple[str, int]] = {}  # names, and how many expressions were written at the last use
         self._stored: dict[int, tuple[str, int]] = {}

@@ -51,7 +51,7 @@ def program(
 ) -> Program:
     """Program of a routine; routines `apart` have another module. Code in one lane can be for few steps (`quick`)."""
     symbols = _symbols(routine) | dict(apart)
-    declared = [f"declare void @{symbol}({', '.join(_pointers(r, NONE))})" for r, symbol in apart.items()]
+    declared = _declared(apart)
     called = {r: _called(r, symbols, lanes) for r in symbols if r is not routine and r not in apart}
     functions, landed, symbol = [*called.values(), *declared], landings(routine).places, symbols[routine]
     parts = {routine: pieces(routine.body, landed)}
@@ -70,7 +70,7 @@ def program(
     if quick and straight:
         return Program("", symbol, _with_sines([fused(text) for text in (*functions, own)], lanes), quick)
     own = fused(own) if whole else own
-    declared += [f"declare void @{symbols[r]}({', '.join(_pointers(r, NONE))})" for r in called]
+    declared += _declared({r: symbols[r] for r in called})
     functions = [text.replace("define internal void", "define void") for text in functions]
     functions.append(f"declare void @{symbol}({', '.join(_pointers(routine, same))})")
     own = own.replace(f"define internal void @{symbol}(", f"define void @{symbol}(")
@@ -82,26 +82,33 @@ def _with_sines(functions: Sequence[str], lanes: Lanes) -> str:
     return f"{text}\n{_sines(text, lanes)}"
 
 
-MIN_APART = 500
+MIN_APART = 250
 """Expressions of a routine from which it has a module of its own, compiled once for all that call it."""
 
 
 def worth_a_module(routine: Routine) -> list[Routine]:
-    """Long routines that a routine calls, which call none."""
-    return [
-        r
-        for r in _symbols(routine)
-        if r is not routine and isinstance(r, Routine) and not r.subroutines and len(r.body) >= MIN_APART
-    ]
+    """Long routines that a routine calls, and that call none but such; what is called first."""
+    found: dict[Routine, None] = {}
+    for r in dict.fromkeys(routine.subroutines):
+        if isinstance(r, Routine):
+            found |= dict.fromkeys(worth_a_module(r))
+            if len(r.body) >= MIN_APART and found.keys() >= set(r.subroutines):
+                found[r] = None
+    return list(found)
 
 
 @lru_cache(maxsize=8)  # of equations of motion, which each law on a plant calls
 def module_of(routine: Routine, lanes: Lanes, target: str) -> tuple[str, str]:
     """LLVM IR of a module of one routine, and its function's name, which tells its content and the `target`."""
-    text = _called(routine, {routine: _NAME}, lanes).replace("define internal void", "define void")
-    text = f"{text}\n{_sines(text, lanes)}"
+    apart = {r: module_of(r, lanes, target)[1] for r in worth_a_module(routine)}
+    text = _called(routine, {routine: _NAME, **apart}, lanes).replace("define internal void", "define void")
+    text = "\n".join([*_declared(apart), text, _sines(text, lanes)])
     symbol = f"{_NAME}.{hashlib.sha256((target + text).encode()).hexdigest()[:32]}"
     return text.replace(f"@{_NAME}(", f"@{symbol}("), symbol
+
+
+def _declared(symbols: Mapping[Routine, str]) -> list[str]:
+    return [f"declare void @{symbol}({', '.join(_pointers(r, NONE))})" for r, symbol in symbols.items()]
 
 
 _NAME = "shared"
@@ -164,7 +171,7 @@ def _piece(
     shared: bool = False,
     inlining: str = "noinline",
 ) -> str:
-    body = FunctionBody(piece.expressions, symbols, lanes, piece.found, same, uniform, landed)
+    body = FunctionBody(piece.expressions, symbols, lanes, piece.found, same, uniform, landed, _passed_sines(routine))
     if not shared:
         body.constants(routine.layout, routine.outputs)
     for expression in piece.expressions:
@@ -177,6 +184,14 @@ def _piece(
     pointers = [*_pointers(routine, same, " noalias"), *(["ptr noalias %passed"] if shared else [])]
     head = f"define internal void @{symbol}({', '.join(pointers)}) {inlining} {lanes.attributes} {{"
     return "\n".join([head, *body.lines, "ret void\n}"])
+
+
+def _passed_sines(routine: Routine) -> tuple[Sequence[Expression], str]:
+    """Angles whose sines and cosines are an argument, in its order, and its name; none unless all are passed."""
+    last, angles = len(routine.inputs) - 1, dict[int, Expression]()
+    if routine.sines and sum(part == last for part, _ in routine.used_inputs) == 2 * len(routine.sines):
+        angles = {x.index: x for x in routine.body if x.index in routine.sines}
+    return ([angles[k] for k in routine.sines] if len(angles) == len(routine.sines) else ()), f"%in{last}"
 
 
 def _pointers(routine: Routine, same: Invariants, promise: str = "") -> list[str]:
@@ -192,7 +207,15 @@ def _sines(text: str, lanes: Lanes) -> str:
         return ""
     limits = {"farthest": lanes.constant(sine_for(lanes.precision).farthest), "longest": lanes.constant(MAX_SINE_STEP)}
     near = [_near_sines(Lanes(count, lanes.precision)) for count in sorted(counts | {lanes.count})]
-    return "\n".join([*near, lanes.filled("sincos_reduction", tag=f".{lanes.count}", **limits)])
+    whole = "\n".join([*near, lanes.filled("sincos_reduction", tag=f".{lanes.count}", **limits)])
+    kept = list[str]()
+    for function in reversed(_FUNCTION.findall(whole)):  # each calls those before it
+        if f"@{function.split('@', 1)[1].split('(', 1)[0]}(" in text:
+            kept, text = [function, *kept], text + function
+    return "\n".join(kept)
+
+
+_FUNCTION = re.compile(r"^define.*?^}$", re.DOTALL | re.MULTILINE)
 
 
 @cache

@@ -89,10 +89,10 @@ _WIDE = (2, 4, 8)
 class SinesAtOnce:
     """Sines and cosines of groups of angles as LLVM instructions."""
 
-    def __init__(self, text: Instructions) -> None:
+    def __init__(self, text: Instructions, known: Sequence[Expression], pointer: str) -> None:
         self._text = text
-        self._pairs: dict[Expression, tuple[str, int]] = {}
-        self._size: dict[str, int] = {}
+        self._pairs = {x: (pointer, 2 * k) for k, x in enumerate(known)}
+        self._size = {pointer: 2 * len(known)}
 
     def place(self, x: Expression) -> tuple[str, int] | None:
         """Memory index of a computed sine or cosine."""

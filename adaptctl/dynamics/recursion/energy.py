@@ -32,6 +32,8 @@ def weights(places: Sequence[Placement], gravity: Vec) -> list[Weight]:
 
 def carried_weight(place: Placement, base: Weight) -> Weight:
     """Gravity and potential at a link, from its parent's."""
+    if base.gravity is ZERO:
+        return base
     own = place.down(base.gravity)
     fall = dot(base.gravity, place.near) + dot(own, place.shift)
     return Weight(own, base.potential - fall)
