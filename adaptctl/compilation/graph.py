@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Iterable
 from enum import StrEnum
 from itertools import takewhile
+from operator import attrgetter
 from types import FrameType
 from typing import Any, TypeVar
 
@@ -137,7 +138,7 @@ def reachable(outputs: Iterable[Any]) -> list[Expression]:
         if expression not in needed:
             needed.add(expression)
             pending += [x for x in expression.operands if isinstance(x, Expression)]
-    return sorted(needed, key=lambda expression: expression.index)
+    return sorted(needed, key=attrgetter("index"))
 
 
 def add(x: Any, y: Any) -> Any:

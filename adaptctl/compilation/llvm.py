@@ -202,7 +202,8 @@ def _pointers(routine: Routine, same: Invariants, promise: str = "") -> list[str
 
 
 def _sines(text: str, lanes: Lanes) -> str:
-    counts = {int(count) for count in re.findall(r"@sines\.\w+\.(\d+)\(", text)}
+    called = set(_SINES.findall(text))
+    counts = {int(name.rpartition(".")[2]) for name in called if name[-1].isdecimal()}
     if not counts:
         return ""
     limits = {"farthest": lanes.constant(sine_for(lanes.precision).farthest), "longest": lanes.constant(MAX_SINE_STEP)}
@@ -210,12 +211,14 @@ def _sines(text: str, lanes: Lanes) -> str:
     whole = "\n".join([*near, lanes.filled("sincos_reduction", tag=f".{lanes.count}", **limits)])
     kept = list[str]()
     for function in reversed(_FUNCTION.findall(whole)):  # each calls those before it
-        if f"@{function.split('@', 1)[1].split('(', 1)[0]}(" in text:
-            kept, text = [function, *kept], text + function
+        name, *others = _SINES.findall(function)
+        if name in called:
+            kept.insert(0, function)
+            called.update(others)
     return "\n".join(kept)
 
 
-_FUNCTION = re.compile(r"^define.*?^}$", re.DOTALL | re.MULTILINE)
+_SINES, _FUNCTION = re.compile(r"@(sines\.[\w.]+)\("), re.compile(r"^define.*?^}$", re.DOTALL | re.MULTILINE)
 
 
 @cache
