@@ -20,7 +20,7 @@ from adaptctl.identification.fit import FitSettings
 from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.hypotheses import LogMeaning, TriedHypothesis, _alike, validate_meaning
 from adaptctl.identification.hypothesis_rows import _each_joint, relative_error
-from adaptctl.identification.least_squares import _regressed, least_squares, weighted_least_squares
+from adaptctl.identification.least_squares import _regressed, each_weighted, least_squares, weighted_least_squares
 from adaptctl.identification.normal_equations import NormalEquations, block_edges, blocks_of
 from adaptctl.identification.preparation import PreparationStep
 from adaptctl.identification.torque_constants import validate_one_robot
@@ -86,6 +86,15 @@ def test_a_joint_of_little_noise_counts_for_more() -> None:
     np.testing.assert_allclose(x * [1.0, 1e3, 1e-3, 1.0], TRUTH, atol=1e-3)
     exact, _ = rows_of()
     assert weighted_least_squares(equations(exact, used[:60]), np.arange(4))[1].max() < 1e-5
+
+
+def test_each_block_is_weighted_by_itself_also_where_one_tells_nothing_of_a_column() -> None:
+    rows, used = rows_of((1e-3, 1.0), 600)
+    parts = [equations(rows, used & here) for here in (rows.time[:, None] < 10.0, rows.time[:, None] >= 5.0)]
+    parts[0].normal[:, :, 3], parts[0].normal[..., 3], parts[0].moment[..., 3] = 0.0, 0.0, 0.0
+    for *each, own in zip(*each_weighted(NormalEquations.stacked(parts), np.arange(4)), parts, strict=True):
+        for found, alone in zip(each, weighted_least_squares(own, np.arange(4)), strict=True):
+            np.testing.assert_allclose(found, alone, rtol=1e-9)
 
 
 def test_blocks_are_of_equally_many_rows_and_end_with_logs() -> None:

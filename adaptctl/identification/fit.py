@@ -20,7 +20,7 @@ from adaptctl.identification.entropic import EntropicPrior
 from adaptctl.identification.filtered_dynamics import Rows, SmoothMotion
 from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.lasting_noise import innovations
-from adaptctl.identification.least_squares import weighted_least_squares
+from adaptctl.identification.least_squares import each_weighted, weighted_least_squares
 from adaptctl.identification.normal_equations import NormalEquations, blocks_of
 from adaptctl.identification.preparation import PreparedLog
 
@@ -244,7 +244,7 @@ class LogEvidence:
     ) -> list[Fit]:
         """Consistent fits to normal equations, each joint weighted by its residual in least squares."""
         mask, prior, columns = settings.columns(self.mechanism), self.prior_of(settings), self.independent(settings)
-        deviations = [weighted_least_squares(equations, columns)[1] for equations in each]
+        _, deviations = each_weighted(NormalEquations.stacked(each), columns)
         whitened = [own.whitened(spread) for own, spread in zip(each, deviations, strict=True)]
         A, b = (np.stack(part) for part in zip(*whitened, strict=True))
         A, b = A * np.outer(mask, mask), b * mask

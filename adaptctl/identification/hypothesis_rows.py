@@ -19,7 +19,7 @@ from adaptctl.identification.consistent_estimate import consistent_estimates
 from adaptctl.identification.filtered_dynamics import MIN_ROWS, ROWS_PER_PERIOD, RowFilter, Rows, SmoothMotion
 from adaptctl.identification.fit import FitSettings, LogEvidence
 from adaptctl.identification.friction_model import SIMPLE_FRICTION
-from adaptctl.identification.least_squares import weighted_least_squares
+from adaptctl.identification.least_squares import each_weighted, weighted_least_squares
 from adaptctl.identification.momentum_balance import PackedRegressor
 from adaptctl.identification.normal_equations import NormalEquations
 from adaptctl.identification.payloads import without_payloads
@@ -143,11 +143,12 @@ class HypothesisRows:
         return [replace(RowFilter.of(motion, band), every=max(1, stride)) for motion, stride in pairs]
 
     def mixed(self, mixing: Array, products: MotionProducts | None = None) -> NormalEquations:
-        """Normal equations of a motion, by default as it is, and torques that are a matrix (r, r) times the log's."""
+        """Equations of a motion, by default as it is, and of matrices (..., r, r) times the torques, a block each."""
         normal, moments = products or self._products
-        moment = np.einsum("ik,ikp->ip", mixing, moments)
-        square = np.einsum("ij,ik,ijk->i", mixing, mixing, self._squares)
-        return NormalEquations(normal[None], moment[None], square[None], self.used.sum(axis=0)[None].astype(np.float64))
+        each, counts = mixing.reshape(-1, *mixing.shape[-2:]), self.used.sum(axis=0, dtype=np.float64)
+        moment = np.einsum("bik,ikp->bip", each, moments)
+        square = np.einsum("bij,bik,ijk->bi", each, each, self._squares)
+        return NormalEquations(normal[None], moment, square, counts[None])
 
     def products(self, regressor: PackedRegressor) -> MotionProducts:
         """Products of a motion's rows."""
@@ -188,6 +189,12 @@ class HypothesisRows:
         """Parameters (P,) and deviations (r,) by least squares; further columns than the mechanism's are free."""
         more = np.arange(len(self.evidence.mechanism.parameter_names), equations.moment.shape[-1])
         return weighted_least_squares(equations, np.concatenate([self._independent, more]))
+
+    def least_errors(self, mixings: Array) -> Array:
+        """Relative errors (B,) of least squares on the motion as it is and on torques of matrices (B, r, r)."""
+        equations = self.mixed(mixings)
+        _, deviations = each_weighted(equations, self._independent)
+        return _mean_errors(deviations**2 * equations.count, equations.square)
 
     @cached_property
     def _independent(self) -> NDArray[np.int64]:
@@ -262,10 +269,13 @@ class HypothesisRows:
 
 def relative_error(equations: NormalEquations, x: Array) -> float:
     """Geometric mean over the joints of a fit's errors relative to the torques, each at least 0.3 %."""
-    squares = equations.square.sum(axis=0)
-    counted = squares > 0.0
-    shares = equations.misfit(x)[counted] / squares[counted]
-    return float(np.exp(0.5 * np.mean(np.log(shares + LEAST_ERROR**2))))
+    return float(_mean_errors(equations.misfit(x)[None], equations.square.sum(axis=0)[None])[0])
+
+
+def _mean_errors(misfits: Array, squares: Array) -> Array:
+    counted = np.all(squares > 0.0, axis=0)
+    shares = misfits[:, counted] / squares[:, counted]
+    return np.asarray(np.exp(0.5 * np.mean(np.log(shares + LEAST_ERROR**2), axis=1)))
 
 
 def _each_joint(rows: Rows, told: Array, used: NDArray[np.bool_]) -> tuple[Array, Array]:

@@ -24,22 +24,23 @@ WEIGHTING_ROUNDS = 3
 def least_squares(A: Array, b: Array, columns: NDArray[np.int64]) -> Array:
     """Parameters (P,) that minimise x^T A x/2 - b^T x over some columns, the others zero."""
     x = np.zeros(len(b))
-    x[columns] = _scaled_solution(A[np.ix_(columns, columns)], b[columns])
+    (x[columns],) = _scaled_solutions(A[None, columns[:, None], columns], b[None, columns])
     return x
 
 
-def _scaled_solution(A: Array, b: Array) -> Array:
-    """Solution (c,) of normal equations, whose columns are scaled to a diagonal of ones before."""
-    size = np.sqrt(np.diag(A))
-    size[size == 0.0] = 1.0
-    return _solution(A / np.outer(size, size), b / size) / size
+def _scaled_solutions(A: Array, b: Array) -> Array:
+    """Solutions (B, c) of normal equations, whose columns are scaled to a diagonal of ones before."""
+    size = np.sqrt(np.diagonal(A, axis1=1, axis2=2))
+    size = np.where(size == 0.0, 1.0, size)
+    scaled, wanted = A / (size[:, :, None] * size[:, None]), b / size
+    with suppress(np.linalg.LinAlgError):
+        if np.diagonal(np.linalg.cholesky(scaled), axis1=1, axis2=2).min(initial=1.0) > CLEARLY_DETERMINED:
+            return np.asarray(np.linalg.solve(scaled, wanted[..., None])[..., 0] / size)
+    return np.stack([_solution(*each) for each in zip(scaled, wanted, strict=True)]) / size
 
 
 def _solution(scaled: Array, wanted: Array) -> Array:
-    """Solution (c,) of scaled normal equations without directions that are not determined, which most have not."""
-    with suppress(np.linalg.LinAlgError):
-        if np.diag(np.linalg.cholesky(scaled)).min(initial=1.0) > CLEARLY_DETERMINED:
-            return np.asarray(np.linalg.solve(scaled, wanted))
+    """Solution (c,) of scaled normal equations without directions that are not determined."""
     values, vectors = np.linalg.eigh(scaled)
     kept = values > MIN_EIGENVALUE_RATIO * values[-1]
     return np.asarray(vectors[:, kept] @ ((vectors[:, kept].T @ wanted) / values[kept]))
@@ -47,14 +48,25 @@ def _solution(scaled: Array, wanted: Array) -> Array:
 
 def weighted_least_squares(equations: NormalEquations, columns: NDArray[np.int64]) -> tuple[Array, Array]:
     """Parameters (P,) and residual deviations (r,) of joints, weighted by their inverse squares (Gautier 1997)."""
-    x, own = np.zeros(equations.moment.shape[-1]), equations.of_columns(columns)
-    count = np.maximum(own.count[0], 1.0)
-    deviations = np.sqrt(own.square[0] / count)
-    deviations = np.where(deviations > 0.0, deviations, max(float(deviations.max()), 1.0))
+    (x,), (deviations,) = each_weighted(equations.whole, columns)
+    return x, deviations
+
+
+def each_weighted(equations: NormalEquations, columns: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Parameters (B, P) and deviations (B, r) of each block for itself, weighted likewise."""
+    normal, moment = equations.normal[..., columns[:, None], columns], equations.moment[..., columns]
+    square, count = equations.square, np.maximum(equations.count, 1.0)
+    deviations = np.sqrt(square / count)
+    deviations = np.where(deviations > 0.0, deviations, np.maximum(deviations.max(axis=1, keepdims=True), 1.0))
     least = 1e-6 * deviations
     for _ in range(WEIGHTING_ROUNDS):
-        x[columns] = _scaled_solution(*own.whitened(deviations))
-        deviations = np.maximum(np.sqrt(own.misfit(x[columns]) / count), least)
+        weight = deviations[:, None] ** -2
+        A = (weight @ normal.reshape(*normal.shape[:2], -1)).reshape(-1, *normal.shape[2:])
+        own = _scaled_solutions(A, (weight @ moment)[:, 0])
+        left = ((normal @ own[:, None, :, None])[..., 0] - 2.0 * moment) * own[:, None]
+        deviations = np.maximum(np.sqrt(np.maximum(square + left.sum(axis=-1), 0.0) / count), least)
+    x = np.zeros((len(own), equations.moment.shape[-1]))
+    x[:, columns] = own
     return x, deviations
 
 

@@ -303,11 +303,10 @@ def _scales(rows: HypothesisRows) -> Iterator[Hypothesis]:
     """Factors on one torque column that are no calibration: another unit, or the other side of a gear."""
     motors = rows.evidence.drives.motors
     for j, motor in enumerate(motors if len(motors) > 1 else ()):
-        tried = [2.0**k for k in range(1, OCTAVES + 1)]
-        factors = [*tried, *(1.0 / factor for factor in tried)]
-        best = min(factors, key=partial(_scaled_error, rows, j))
+        tried = 2.0 ** np.arange(1, OCTAVES + 1)
+        best = _best_scale(rows, j, np.append(tried, 1.0 / tried))
         near = best * 2.0 ** np.linspace(-1.0, 1.0, SCALE_STEPS + 1)
-        best = min((float(f) for f in near if max(f, 1.0 / f) >= LEAST_SCALE), key=partial(_scaled_error, rows, j))
+        best = _best_scale(rows, j, near[np.maximum(near, 1.0 / near) >= LEAST_SCALE])
         yield Hypothesis(
             "scale of a torque",
             f"column {motor.torque!r} is about {1.0 / best:.2g} times the torque, beside the others",
@@ -320,9 +319,9 @@ def _scale(rows: HypothesisRows, j: int, factor: float) -> Array:
     return np.diag(np.where(np.arange(rows.evidence.mechanism.dof) == j, factor, 1.0))
 
 
-def _scaled_error(rows: HypothesisRows, j: int, factor: float) -> float:
-    equations = rows.mixed(_mixing(rows, _scale(rows, j, factor)))
-    return relative_error(equations, rows.least(equations)[0])
+def _best_scale(rows: HypothesisRows, j: int, factors: Array) -> float:
+    errors = rows.least_errors(np.stack([_mixing(rows, _scale(rows, j, factor)) for factor in factors]))
+    return float(factors[np.argmin(errors)])
 
 
 def _beside(rows: HypothesisRows, columns: Array) -> NormalEquations:

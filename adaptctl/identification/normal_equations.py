@@ -38,6 +38,11 @@ class NormalEquations:
         found.add(PackedRegressor.of(rows.regressor), rows.torque, block, used)
         return found
 
+    @classmethod
+    def stacked(cls, each: Sequence[NormalEquations]) -> NormalEquations:
+        """Normal equations with a block for the sums of each."""
+        return cls(*map(np.concatenate, zip(*(own.whole._parts for own in each), strict=True)))
+
     def add(self, regressor: PackedRegressor, torque: Array, block: NDArray[np.int64], used: NDArray[np.bool_]) -> None:
         """Add those joints' rows that a mask (n, r) has, in place."""
         for j in range(used.shape[1]):
@@ -66,11 +71,6 @@ class NormalEquations:
     def whole(self) -> NormalEquations:
         """Normal equations of one block: the sums over all."""
         return self if len(self.count) == 1 else self.over(range(len(self.count)))
-
-    def of_columns(self, columns: NDArray[np.int64]) -> NormalEquations:
-        """Normal equations of one block, the sums over all, of some columns (c,) alone."""
-        normal, moment, square, count = self.whole._parts
-        return NormalEquations(normal[..., columns[:, None], columns], moment[..., columns], square, count)
 
     def chosen(self, blocks: NDArray[np.int64] | Sequence[int]) -> NormalEquations:
         """Normal equations of some blocks."""
