@@ -24,7 +24,4 @@ def _stays(other: Argument, value: Any, kind: Any) -> bool:
     words = [token.value for token in other.tokens]
     if not words:
         return bool(getattr(kind, ".".join(other.keys)) == value)
-    try:
-        return tuple(map(float, words)) == value if isinstance(value, tuple) else words == [value]
-    except ValueError:  # what is no number is refused by cyclopts
-        return False
+    return tuple(map(float, words)) == value if isinstance(value, tuple) else words == [value]

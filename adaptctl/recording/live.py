@@ -222,7 +222,7 @@ def is_file(place: str) -> bool:
     return place.endswith(".rrd")
 
 
-def reachable(address: str, start_viewer: bool = False, inline: bool = False) -> str | None:
+def reachable(address: str, start_viewer: bool, inline: bool) -> str | None:
     """URL of a viewer on this computer."""
     host, _, port = address.rpartition(":")
     if host not in (HOST, "localhost") or not port.isdecimal() or not 0 < int(port) < 65536:
