@@ -143,5 +143,8 @@ ALIKE = {
     "adaptctl/design/report.py::_components_figure errors > 1e-08 -> errors >= 1e-08": (
         "no error is a hundred-millionth of a percent to the last bit"
     ),
+    "adaptctl/hardware/trossen_robot.py::TrossenRobot.__init__ 0.0 -> 1.0": "clocks have run for longer than a second",
+    "adaptctl/recording/skeleton.py::skeleton np.linalg.norm(farthest - tip) > MIN_LENGTH -> "
+    "np.linalg.norm(farthest - tip) >= MIN_LENGTH": "no frame is so far away to the last bit",
 }
 """Mutants that mean the same as the code, by their keys, and why no test can tell them from it."""

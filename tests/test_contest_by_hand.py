@@ -210,7 +210,10 @@ def test_a_run_on_another_engine_ends_where_it_diverges(monkeypatch: pytest.Monk
     law: Any = SimpleNamespace(
         init=lambda p, v: SimpleNamespace(estimate=[4.0]), step=lambda memory, p, v, point: (np.zeros(2), memory)
     )
-    effects: Any = SimpleNamespace(loaded=lambda parameters, links, time: parameters, actuators=())
+    asked = list[float]()
+    effects: Any = SimpleNamespace(
+        loaded=lambda parameters, links, time: asked.append(time) or parameters, actuators=()
+    )
     for p, failed in ((2.001, 0.0), (-1.5, np.nan)):
         start = np.array([p, 0.0])
         error, torque, diverged, estimate = foreign_runs._run(
@@ -220,6 +223,7 @@ def test_a_run_on_another_engine_ends_where_it_diverges(monkeypatch: pytest.Monk
         assert error[0].tolist() == start.tolist()
         assert np.isnan(torque).all() == (failed == 0.0)
         assert estimate.tolist() == [4.0]
+    assert asked == pytest.approx([0.0, 0.0, *(1e-3 * np.arange(100))])  # of both starts, and of each period
 
 
 def test_a_push_accepts_any_arm_and_begins_at_no_time() -> None:

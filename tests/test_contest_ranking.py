@@ -160,6 +160,14 @@ def test_orders_that_differ_are_told() -> None:
     assert str(one.halves()) == "tau-b 1.00; settled pairs in another order: none"
 
 
+def test_a_pair_that_is_settled_in_one_ranking_alone_is_not_in_another_order() -> None:
+    one = Ranking(rows_of({"a": [1.0, 1.0, 3.0], "b": [1.1, 1.1, 1.0]}))
+    other = Ranking(rows_of({"a": [3.0, 3.0, 3.1], "b": [1.0, 1.0, 1.0]}))
+    assert (_settled(one, "a", "b"), _settled(other, "a", "b")) == (0, 1)
+    assert one.ratio("a", "b") < 1.0 < other.ratio("a", "b")
+    assert agreement(one, other) == (-1.0, [])
+
+
 def test_two_laws_have_an_order_and_one_has_none() -> None:
     two = Ranking(rows_of({"a": [1.0, 1.1], "b": [2.0, 2.1]}))
     assert agreement(two, two).tau_b == 1.0

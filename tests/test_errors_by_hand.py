@@ -107,6 +107,16 @@ def test_peak_torques_are_parts_of_each_joints_own_limit() -> None:
     assert answers(facts(what))["Peak torque"] == "300 % of the limit"
 
 
+@pytest.mark.parametrize(
+    ("count", "told"), [(0, None), (3, "p0, p1, p2"), (4, "p0, p1, p2 and 1 other"), (5, "p0, p1, p2 and 2 others")]
+)
+def test_three_parameters_are_named_that_a_motion_hardly_excites(
+    count: int, told: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Comparison, "open_names", tuple(f"p{k}" for k in range(count)))
+    assert answers(facts(SHOWN)).get("Hardly excited") == told
+
+
 def test_errors_of_joints_that_turn_and_of_those_that_slide_are_told_apart() -> None:
     """3 and 4 rad, 5 m: roots of mean squares, each over its own joints."""
     what = shown(run_of(1, 0.1, 60, STILL, STILL))

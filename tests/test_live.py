@@ -118,13 +118,13 @@ def test_environments_that_cannot_be_shown_are_refused(arm: adaptctl.Mechanism) 
 @pytest.mark.parametrize("address", ["10.0.0.3:9876", "0.0.0.0:9876", "9876", "127.0.0.1:x", "127.0.0.1:0"])
 def test_other_computers_are_refused(address: str) -> None:
     with pytest.raises(InputError, match="on this computer"):
-        reachable(address)
+        reachable(address, False, False)
 
 
 def test_a_viewer_that_answers_is_taken() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
-        assert reachable(f"localhost:{port}") == f"rerun+http://127.0.0.1:{port}/proxy"
+        assert reachable(f"localhost:{port}", False, False) == f"rerun+http://127.0.0.1:{port}/proxy"
 
 
 def test_experiments_stream_while_they_run(arm: adaptctl.Mechanism, tmp_path: Path) -> None:
@@ -260,7 +260,7 @@ def test_a_notebooks_server_is_this_computers_alone_and_ends_with_python(tmp_pat
 def reachable_quietly(port: int) -> bool:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LiveViewWarning)
-        return reachable(f"127.0.0.1:{port}") is not None
+        return reachable(f"127.0.0.1:{port}", False, False) is not None
 
 
 def test_what_notebooks_need_is_named(arm: adaptctl.Mechanism, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import runpy
 import struct
+import sys
 from inspect import signature
 from types import SimpleNamespace
 from typing import Any
@@ -14,7 +16,16 @@ from driven_robots import ARM
 
 import adaptctl
 from adaptctl.control.controller import ReferencePoint
-from adaptctl.hardware import FrankaRobot, HardwareLimits, RobotReading, TrossenRobot, UDPRobot, URRobot, checks
+from adaptctl.hardware import (
+    FrankaRobot,
+    HardwareLimits,
+    RobotReading,
+    TrossenRobot,
+    UDPRobot,
+    URRobot,
+    checks,
+    udp_plant,
+)
 from adaptctl.hardware.force_sensor import ForceReading, ForceSensor
 from adaptctl.hardware.franka_robot import FR3_LIMITS
 from adaptctl.hardware.measurements import Measurements
@@ -306,3 +317,14 @@ def test_a_joint_may_stand_at_an_end_that_is_a_turn_away() -> None:
     beyond = Measurements(ARM.primary_joints, wide, PERIOD, REST).taken(reading(0.0, 1.6 * ends))
     assert beyond is not None
     np.testing.assert_allclose(beyond.p, -0.4 * ends)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"), [(["nothing"], "unknown robot 'nothing'"), ([], "^Simulated arm in real time")]
+)
+def test_the_line_of_the_simulated_arm_is_that_of_the_program(
+    words: list[str], told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["udp_plant", *words])
+    with pytest.raises(SystemExit, match=told):
+        runpy.run_path(str(udp_plant.__file__), run_name="__main__")

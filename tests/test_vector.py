@@ -62,6 +62,20 @@ def test_curves_end_a_twentieth_of_their_range_before_the_axes() -> None:
     assert Axis().limits([np.array([2.0, 12.0])]) == pytest.approx((1.5, 12.5))
 
 
+def test_a_curve_leaves_its_panel_as_steeply_as_it_is_and_goes_nowhere_far() -> None:
+    figure = Sheet(9.2, 3.0)
+    axes = figure.subplots()
+    axes.plot(np.array([-0.5, 0.0, 1.0, 1.5]), np.array([3.0, -2.0, 1e9, -1e9]), color="#000000")
+    axes.set_xlim(0.0, 1.0)
+    axes.set_ylim(0.0, 1.0)
+    width, height = size(figure.svg())
+    found = curve(figure.svg()) / [width, height]
+    np.testing.assert_allclose(found[:, 0], [-0.5, 0.0, 1.0, 1.5], atol=1e-3)
+    np.testing.assert_allclose(found[:2, 1], [-2.0, 3.0], atol=1e-3)
+    assert -20.0 < found[2, 1] < -5.0
+    assert 5.0 < found[3, 1] < 20.0
+
+
 def test_a_name_below_all_panels_is_in_the_middle() -> None:
     figure = Sheet(9.2, 3.0)
     figure.subplots().plot(np.arange(2.0), np.arange(2.0), color="#000000")
