@@ -146,5 +146,7 @@ ALIKE = {
     "adaptctl/hardware/trossen_robot.py::TrossenRobot.__init__ 0.0 -> 1.0": "clocks have run for longer than a second",
     "adaptctl/recording/skeleton.py::skeleton np.linalg.norm(farthest - tip) > MIN_LENGTH -> "
     "np.linalg.norm(farthest - tip) >= MIN_LENGTH": "no frame is so far away to the last bit",
+    "envs/rendering.py::Renderer._paint 1.5 -> 3.0": "more of the picture is looked through for the same solid",
+    "experiments/replication/puma560.py::table6 1 -> 2": "NumPy takes -2 for -1 in a shape",
 }
 """Mutants that mean the same as the code, by their keys, and why no test can tell them from it."""

@@ -130,7 +130,14 @@ def test_actions_scale_gains_up_to_what_is_carried_and_down_as_far_as_asked(monk
     found = GainRange.of(law, ["damping"], 4.0)
     assert found.lowest == 0.25
     assert 2.0 * 4.0 ** (-1.0 / 2**12) * (1.0 - 1e-9) <= found.highest <= 2.0  # twelve halvings of log 4
-    for action, factor in ((-1.0, 0.25), (-0.5, 0.5), (0.0, 1.0), (1.0, found.highest), (9.0, found.highest)):
+    for action, factor in (
+        (-9.0, 0.25),
+        (-1.0, 0.25),
+        (-0.5, 0.5),
+        (0.0, 1.0),
+        (1.0, found.highest),
+        (9.0, found.highest),
+    ):
         np.testing.assert_allclose(found.gains(np.full(2, action))["damping"], factor * np.array([6.0, 2.0]))
     wide = GainRange.of(law, "damping", 1.5)
     assert wide.highest == pytest.approx(1.5)
