@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 ALIKE = {
+    "adaptctl/identification/rate_change.py::<module> 17 -> 18": "rows that are compared at a time",
+    "adaptctl/identification/rate_change.py::validate_one_rate clear > CLEAR -> clear >= CLEAR": (
+        "no change is twice another to the last bit"
+    ),
     "adaptctl/control/transitions.py::FadeIn.__post_init__ 0.0 -> 1.0": "a reference has one shape at all times",
     "adaptctl/identifiability/chosen_columns.py::_kept_against_the_order apart <= READING -> apart < READING": (
         "no diagonal of a factor is the tolerance to the last bit"
