@@ -3,6 +3,14 @@
 from __future__ import annotations
 
 ALIKE = {
+    "adaptctl/identification/hypothesis_rows.py::HypothesisRows._equation "
+    "found.is_native(MOTIONS * mechanism.dof * len(self.position)) -> pass": "rows are the same, compiled or not",
+    "adaptctl/identifiability/tree_null_space.py::<module> 6 -> 7": (
+        "parameters that are passed on span the same, reduced or not"
+    ),
+    "adaptctl/identifiability/regrouping.py::Regrouping.leaves_more_than 1.0 -> 2.0 (again 2)": (
+        "diagonals are at least 1, and tolerances far below a half"
+    ),
     "adaptctl/identification/rate_change.py::<module> 17 -> 18": "rows that are compared at a time",
     "adaptctl/identification/rate_change.py::validate_one_rate clear > CLEAR -> clear >= CLEAR": (
         "no change is twice another to the last bit"

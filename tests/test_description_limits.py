@@ -9,14 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adaptctl.description import Closure, Description, Joint, Link, Loops, Pose, snapped
+from adaptctl.description import Closure, Condition, Description, Joint, Link, Loops, Pose, snapped
 from adaptctl.description.link import rounded
 from adaptctl.description.pose import rotation_about
 from adaptctl.description.reach import attachments, link_end
-from adaptctl.description.readers import mjcf_scan, xml_elements
+from adaptctl.description.readers import mjcf_scan, urdf, xml_elements
 from adaptctl.description.readers.mjcf_scan import ScannedFile, _validate_few
 from adaptctl.description.readers.xml_elements import number, numbers, parsed
 from adaptctl.description.right_angles import near_right_angles
+from adaptctl.description.writers.robot_file import _edited, _Finder, _mjcf_edit
 from adaptctl.errors import InputError
 
 
@@ -202,3 +203,44 @@ def test_an_angle_within_a_milliradian_is_nearly_right(quarter: int, miss: float
 
 def test_numbers_of_a_hash_are_to_twelve_places_and_of_one_zero() -> None:
     assert repr(rounded(np.array([-0.0, -4e-13, 0.6e-12, 0.1234567890126]))) == "[0.0, 0.0, 1e-12, 0.123456789013]"
+
+
+@pytest.mark.parametrize(("most", "fits"), [(2, True), (1, False)])
+def test_a_urdf_has_so_many_moving_links(
+    most: int, fits: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Links that are fixed to others do not move by themselves."""
+    monkeypatch.setattr(urdf, "MAX_LINKS", most)
+    names, kinds = "abcd", ("continuous", "fixed", "continuous")
+    text = "".join(f'<link name="{name}"/>' for name in names)
+    for kind, parent, child in zip(kinds, names, names[1:], strict=False):
+        ends = f'<parent link="{parent}"/><child link="{child}"/>'
+        text += f'<joint name="{parent}{child}" type="{kind}">{ends}<axis xyz="0 0 1"/></joint>'
+    (tmp_path / "a.urdf").write_text(f'<robot name="a">{text}</robot>')
+    if fits:
+        assert [link.name for link in urdf.read_urdf(tmp_path / "a.urdf").links] == ["b", "d"]
+    else:
+        with pytest.raises(InputError, match="2 moving links, above the limit of 1"):
+            urdf.read_urdf(tmp_path / "a.urdf")
+
+
+def test_weights_of_a_condition_stay_as_they_were_given() -> None:
+    given = {"a": 1.0}
+    condition = Condition("bent", given, 0.0)
+    given["a"] = 2.0
+    assert dict(condition.weights) == {"a": 1.0}
+    with pytest.raises(TypeError):
+        condition.weights["a"] = 3.0  # type: ignore[index]
+
+
+@pytest.mark.parametrize(
+    "body", ['<body name="b"/>', '<body name="b"><geom/></body>', '<body name="b">x<inertial a=">"/></body>']
+)
+def test_an_inertia_is_written_into_any_body(body: str) -> None:
+    """One without content, one without an inertia, and one in place of what it has."""
+    data = f"<mujoco>{body}</mujoco>".encode()
+    (span,) = _Finder.spans_of(data, "body", True).values()
+    found = parsed(_edited(data, [_mjcf_edit(span, b"<inertial/>")]).decode(), "mujoco")
+    (own,) = found.iter("inertial")
+    assert not own.attrib
+    assert [one.tag for one in found.iter()] == ["mujoco", "body", "inertial", *(["geom"] if "geom" in body else [])]

@@ -77,6 +77,18 @@ def own(place: Placement, u: Vec) -> Vec:
     return u if place.turn is None else place.turn @ u
 
 
+def test_joints_along_their_parents_axes_have_a_sense() -> None:
+    """Either way; slides, axes across, and joints on the ground have none."""
+    still = Pose.identity()
+    axes = ([0, 0, 1], [0, 0, 1], [0, 0, -1], [0, 1, 0], [0, 1, 0])
+    kinds = (*[JointKind.REVOLUTE] * 4, JointKind.PRISMATIC)
+    links = tuple(
+        Link(f"l{k}", k - 1, Joint(f"j{k}", kind, axis), still, still)
+        for k, (kind, axis) in enumerate(zip(kinds, axes, strict=True))
+    )
+    assert held(Mechanism(Description("chain", links))).senses == (0.0, 1.0, -1.0, 0.0, 0.0)
+
+
 @settings(max_examples=30, deadline=None)
 @given(seeds, st.integers(1, 8))
 def test_held_placements_are_the_placements(seed: int, links: int) -> None:

@@ -106,7 +106,7 @@ def frozen(torque: Array, rows: int, period: float) -> bool:
     [
         (19, 0.01, 1, False),
         (20, 0.01, 1, True),
-        (24, 4e-3, 1, False),
+        (25, 4e-3, 1, False),
         (27, 4e-3, 1, True),
         (29, 0.01, 3, False),
         (31, 0.01, 3, True),

@@ -126,13 +126,13 @@ def test_outcomes_are_of_all_joints_and_divergence_of_one() -> None:
     many: Any = SimpleNamespace(
         rms_error=np.sqrt(2.0) * np.array([[3.0, 4.0]] * 2), final_rms_error=np.array([[np.nan] * 2, [0.6, 0.8]]),
         largest_error=np.array([[9.0, 7.0], [6.0, 8.0]]), lyapunov_rise=np.array([0.5, np.nan]),
-        diverged_at=np.array([np.nan, 2.5]), diverged_joint=np.array([-1, 1]),
+        diverged_at=np.array([np.nan, 2.5]), diverged_joint=np.array([-1, 0]),
     )  # fmt: skip
     done, gone = RunOutcome.each_of(many)
     assert (done.status, done.final_rms_error, done.largest_error, done.lyapunov_rise) == ("done", None, 9.0, 0.5)
     assert done.rms_error == gone.rms_error == pytest.approx(5.0)
-    assert gone.reason == "joint 2 exceeded its error limit at 2.5 s"
-    assert (gone.status, gone.final_rms_error, gone.diverged_at, gone.diverged_joint) == ("diverged", None, 2.5, 2)
+    assert gone.reason == "joint 1 exceeded its error limit at 2.5 s"
+    assert (gone.status, gone.final_rms_error, gone.diverged_at, gone.diverged_joint) == ("diverged", None, 2.5, 1)
     assert (gone.largest_error, gone.lyapunov_rise) == (8.0, None)
 
 

@@ -15,6 +15,7 @@ import adaptctl
 from adaptctl.arrays import Array
 from adaptctl.control import GuardedLearning, JointImpedance, TaskImpedance, Workspace, with_external_torque
 from adaptctl.control.controller import ReferencePoint
+from adaptctl.control.gains.force_feedback import DrivenLoop, FeltForce
 from adaptctl.control.wrench_torque import WrenchTorque
 from adaptctl.dynamics.inverse_kinematics import Tip
 from adaptctl.envs import ContactEnv, TrackingEnv
@@ -292,3 +293,25 @@ def test_an_observer_drives_a_target_inertia() -> None:
         given, state = soft.step(state, body.p, body.v, wave(PERIOD * k) if k < 4000 else STILL)
         body = plant.step(body, given + (torque if k > 5000 else REST))
     assert body.p - HOME == pytest.approx(torque / 40.0, rel=0.02)
+
+
+def test_loops_that_are_checked_are_the_arm_s_in_postures_all_over_its_workspace(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """With the filter of a measured force, or both of an estimated one."""
+    seen: list[tuple[DrivenLoop, float]] = []
+    monkeypatch.setattr("adaptctl.control.impedance.validate_inertia", lambda name, *given: seen.append(given))
+    joints(0.5 * OWN, force_cutoff=70.0, delay=2, surroundings=300.0)
+    ((loop, surroundings),) = seen
+    assert (loop.force, loop.period, surroundings) == (FeltForce(70.0, 1, 2), PERIOD, 300.0)
+    count = len(loop.mass)
+    assert 8 <= count < 16
+    assert np.ptp(loop.mass[:, 0, 0]) > 0.1 * OWN[0, 0]
+    for matrices, expected in (
+        (loop.inertia, 0.5 * OWN),
+        (loop.damping, np.diag(DAMPING)),
+        (loop.stiffness, 40.0 * np.eye(2)),
+    ):
+        np.testing.assert_allclose(matrices, np.broadcast_to(expected, (count, 2, 2)), atol=1e-9)
+    joints(0.5 * OWN, workspace=AT_HOME)
+    np.testing.assert_allclose(seen[-1][0].mass[0], OWN, rtol=1e-4)
