@@ -156,7 +156,11 @@ def test_the_scale_of_one_torque_is_found_to_a_quarter_of_an_octave(
     octave: float, found: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of ten octaves either way; what is within one is a calibration."""
-    monkeypatch.setattr(listed_hypotheses, "_scaled_error", lambda rows, j, factor: abs(np.log2(factor) - octave))
+
+    def best(rows: Any, j: int, factors: Array) -> float:
+        return float(factors[np.argmin(np.abs(np.log2(factors) - octave))])
+
+    monkeypatch.setattr(listed_hypotheses, "_best_scale", best)
     scaled: list[float] = []
     monkeypatch.setattr(listed_hypotheses, "_scale", lambda rows, j, factor: scaled.append(float(np.log2(factor))))
     monkeypatch.setattr(listed_hypotheses, "_mixing", lambda rows, change: None)
