@@ -367,9 +367,16 @@ class Comparison:
         int
             Number of samples.
         """
-        largest = np.abs(run.rollout.applied) / self.torque_limits
-        at_limit = (largest >= LIMIT_SHARE).any(axis=1) | (run.rollout.clipped > 0.0)
-        return int(np.count_nonzero(at_limit))
+        if run not in self._limited_steps:
+            largest = np.abs(run.rollout.applied) / self.torque_limits
+            at_limit = (largest >= LIMIT_SHARE).any(axis=1) | (run.rollout.clipped > 0.0)
+            self._limited_steps[run] = int(np.count_nonzero(at_limit))
+        return self._limited_steps[run]
+
+    @cached_property
+    def _limited_steps(self) -> dict[ControllerRun, int]:
+        """Samples at a limit, of runs that were asked for."""
+        return {}
 
     @property
     def peak_torque_shares(self) -> Array:
