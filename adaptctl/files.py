@@ -238,7 +238,7 @@ def hashed(content: Any) -> str:
 def read_bytes(path: str | Path, limit: int = MAX_BYTES) -> bytes:
     """Bytes of the file at `path`."""
     try:
-        with os.fdopen(os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb") as file:
+        with os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
             # Opened without waiting: a pipe would hold us until somebody writes into it.
             if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
                 raise ValueError(NOT_REGULAR)
