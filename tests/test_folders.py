@@ -17,7 +17,7 @@ from nightly import mostly_at_night, nightly
 
 from adaptctl.cli.main import main
 from adaptctl.errors import FileError
-from adaptctl.files import name_beside, replacing, write_text
+from adaptctl.files import name_beside, remove_stale_temporaries, replacing, write_text
 from adaptctl.folders import replacing_folder
 
 SMALL = "two_link"
@@ -303,3 +303,33 @@ def test_a_file_beside_is_named_by_its_process(tmp_path: Path) -> None:
     with replacing(tmp_path / "a.txt") as beside:
         beside.write_text("1")
         assert f"-{os.getpid()}-" in beside.name
+
+
+def test_errors_of_the_folder_name_it_and_those_of_other_files_are_theirs(tmp_path: Path) -> None:
+    for named, kind in ((tmp_path / "out" / "a", FileError), (Path("/elsewhere/a"), FileNotFoundError)):
+        with pytest.raises(kind), replacing_folder(tmp_path / "out"):
+            raise FileNotFoundError(2, "No such file or directory", str(named))
+    assert names(tmp_path) == set()
+
+
+def test_a_run_in_the_working_folder_brings_folders_of_any_depth(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with replacing_folder(tmp_path, overwrite=True) as beside:
+        for name in ("summary.json", "a/b/c.txt", "a/b/d.txt"):
+            (beside / name).parent.mkdir(parents=True, exist_ok=True)
+            (beside / name).write_text(name)
+    assert (tmp_path / "a" / "b" / "d.txt").read_text() == "a/b/d.txt"
+    assert names(tmp_path) == {"summary.json", "a"}
+
+
+def test_what_an_ended_process_left_goes_though_another_took_some_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    left = [name_beside(tmp_path / "a.txt") for _ in range(2)]
+    left[1].touch()
+    monkeypatch.setattr(Path, "iterdir", lambda folder: iter(left))
+    monkeypatch.setattr("adaptctl.files.is_stale_temporary", lambda name: True)
+    assert remove_stale_temporaries(tmp_path, "a.txt") == []
+    assert not left[1].exists()
