@@ -108,6 +108,15 @@ def test_extremes_of_long_curves_stay() -> None:
     assert (np.diff(few_x) > 0.0).all()
 
 
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_extremes_stay_beside_samples_that_are_unknown(side: float) -> None:
+    """Of values that are all on one side of zero."""
+    x, y = np.linspace(0.0, 600.0, 20_000), np.full(20_000, 5.0 * side)
+    y[[777, 778, 13_001, 13_002]] = 2.0 * side, np.nan, 9.0 * side, np.nan
+    _, few = thinned(x, y, 600.0)
+    assert (np.nanmin(side * few), np.nanmax(side * few)) == (2.0, 9.0)
+
+
 @pytest.mark.parametrize(("low", "high"), [(0.0, 20.0), (-3e-5, 4e-5), (0.1, 0.100001), (-2e8, 1e9)])
 def test_ticks_are_round_and_within(low: float, high: float) -> None:
     places = [place for place, _ in Axis().ticks(low, high, 100.0)]

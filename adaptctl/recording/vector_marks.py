@@ -133,11 +133,11 @@ def thinned(x: Array, y: Array, width: float) -> tuple[Array, Array]:
     if len(x) <= 4 * columns:
         return x, y
     rows = len(x) // columns
-    end, filled = rows * (len(x) // rows), np.where(np.isfinite(y), y, 0.0)
-    part = filled[:end].reshape(-1, rows)
-    both = np.sort(np.stack((part.argmin(axis=1), part.argmax(axis=1)), axis=1), axis=1)
-    chosen = (both + rows * np.arange(len(part))[:, None]).ravel()
-    chosen = np.unique(np.concatenate((chosen, np.flatnonzero(~np.isfinite(y)), [0, len(x) - 1])))
+    end, known = rows * (len(x) // rows), np.isfinite(y)
+    low, high = (np.where(known, y, other)[:end].reshape(-1, rows) for other in (np.inf, -np.inf))
+    both = np.sort(np.stack((low.argmin(axis=1), high.argmax(axis=1)), axis=1), axis=1)
+    chosen = (both + rows * np.arange(len(low))[:, None]).ravel()
+    chosen = np.unique(np.concatenate((chosen, np.flatnonzero(~known), [0, len(x) - 1])))
     return x[chosen], y[chosen]
 
 
