@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 ALIKE = {
+    "adaptctl/control/adaptation/symmetric.py::_solver.symmetric_solve 1 -> 2": "one more column, which nothing reads",
     "adaptctl/identification/hypothesis_rows.py::HypothesisRows._equation "
     "found.is_native(MOTIONS * mechanism.dof * len(self.position)) -> pass": "rows are the same, compiled or not",
     "adaptctl/identifiability/tree_null_space.py::<module> 6 -> 7": (

@@ -9,18 +9,21 @@ from typing import Any
 import numpy as np
 import pytest
 
+import adaptctl
 from adaptctl.arrays import Array
+from adaptctl.description.drive import Drive
 from adaptctl.description.inertia import from_center_of_mass, inertia_tensor
-from adaptctl.identification import IdentifiedPayload, listed_hypotheses
+from adaptctl.identification import IdentifiedPayload, energy_differences, listed_hypotheses
 from adaptctl.identification.choice import _near, _worse_by
 from adaptctl.identification.entropic import prior_links
-from adaptctl.identification.filtered_dynamics import COLUMNS, Rows
+from adaptctl.identification.filtered_dynamics import COLUMNS, Rows, SmoothMotion
 from adaptctl.identification.hypothesis_rows import _thinned
 from adaptctl.identification.listed_hypotheses import _mixing, _own_unit, _scales
 from adaptctl.identification.loaded_fit import _covariance
 from adaptctl.identification.momentum_balance import DIFFERENCE_MARGIN, _balance
 from adaptctl.identification.uncertainty import _blocks
 from adaptctl.identification.validation import _is_needed
+from adaptctl.identification.written import _two_terms
 
 rng = np.random.default_rng(11)
 
@@ -211,3 +214,39 @@ def test_a_joints_friction_is_needed_where_rows_are_fitted_much_worse_without() 
         )
         for joint in ("j.", "k."):
             assert _is_needed(evidence, equations, joint, np.ones(1)) is (joint == needed)
+
+
+def test_torques_later_are_those_of_the_filter_then_and_their_rates() -> None:
+    """Of slow motions, which the filter leaves as they are."""
+    time = 0.002 * np.arange(2000)
+    log = SimpleNamespace(rate=500.0, time=5.0 + time, torque=np.stack([np.sin(3.0 * time), time**2], axis=1))
+    motion: Any = SimpleNamespace(log=log)
+    at = np.array([1.0, 1.5, 2.0])
+    rise, rates = SmoothMotion.later(motion, 20.0, 5.0 + at, 0.03)
+    later = at + 0.03
+    np.testing.assert_allclose(rise, np.stack([np.sin(3.0 * later) - np.sin(3.0 * at), later**2 - at**2], 1), atol=2e-3)
+    np.testing.assert_allclose(rates, np.stack([3.0 * np.cos(3.0 * later), 2.0 * later], 1), atol=2e-2)
+
+
+def test_the_rise_of_energy_and_what_friction_takes_are_the_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In windows of a tenth of a second, each a tenth of it after the one before."""
+    arm = adaptctl.load("two_link").with_drives(Drive(0.1, viscous=0.7, coulomb=0.4))
+    time = 0.001 * np.arange(1500)[:, None]
+    waves = np.array([2.0, 3.0])
+    p, v, a = 0.5 * np.sin(waves * time), 0.5 * waves * np.cos(waves * time), -0.5 * waves**2 * np.sin(waves * time)
+    motion: Any = SimpleNamespace(position=p, velocity=v, rate=1000.0)
+    monkeypatch.setattr(energy_differences, "_torque", lambda motion: arm.inverse_dynamics(p, v, a))
+    rises, work = energy_differences._of_motion(motion, arm, 0.1)
+    assert len(work) == len(range(0, 1400, 10))
+    np.testing.assert_allclose(rises @ arm.inertial_parameters, work, atol=1e-4 * np.abs(work).max())
+
+
+def test_friction_of_two_terms_is_written_as_it_is() -> None:
+    """Of a joint whose shaft another one turns too, and of none."""
+    drives = [Drive(viscous=2.0, coulomb=3.0), Drive(), Drive(viscous=0.5, coulomb=1.0, turns_with=(("a", 0.0001),))]
+    joints = [SimpleNamespace(name=name, drive=drive) for name, drive in zip("abc", drives, strict=True)]
+    arm: Any = SimpleNamespace(primary_joints=joints)
+    found = _two_terms(arm, rng.normal(size=(200, 3)))
+    assert found[0] == pytest.approx((2.0, 3.0), abs=1e-3)
+    assert found[1] == (None, None)
+    assert found[2] == pytest.approx((0.5, 1.0), abs=1e-3)
