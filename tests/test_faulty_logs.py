@@ -12,8 +12,10 @@ import pytest
 from faulty_logs import FAULTS, pattern, put, told
 from nightly import mostly_at_night, nightly
 
+from adaptctl.description.drive import Drive
+
 PAGE = Path(__file__).parents[1] / "docs" / "identification.md"
-LINKS, SEED = 3, 7
+LINKS, SEED, HEAVY = 3, 7, 120.0
 
 
 def words() -> dict[str, str]:
@@ -52,6 +54,16 @@ def test_a_sign_that_turns_is_told_of_one_joint_of_many(tmp_path: Path, monkeypa
     assert re.search(
         r"column 'torque.joint6' has the other sign from (10|9[.]9)[.0-9]* s on", told(7, kind, tmp_path, 5)
     )
+
+
+@nightly
+def test_a_sign_that_turns_is_told_of_a_joint_whose_friction_outweighs_its_links(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(faulty_logs, "Drive", lambda *_: Drive(0.1, 2.0, HEAVY))
+    kind, early = "a sign that turns", partial(put, what="torque", rows=slice(1600, None), value=np.negative)
+    monkeypatch.setitem(FAULTS, kind, (early, "column 'torque.{two}' has the other sign from (8|7[.]9)[.0-9]* s on"))
+    assert re.search(pattern(LINKS, kind, SEED), told(LINKS, kind, tmp_path, SEED))
 
 
 def test_a_right_log_is_told_nothing(tmp_path: Path) -> None:

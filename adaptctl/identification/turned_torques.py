@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import product
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -13,8 +14,8 @@ from adaptctl.arrays import Array
 from adaptctl.identification.hypothesis_rows import HypothesisRows
 from adaptctl.identification.normal_equations import NormalEquations
 
-# Correlation with the torques of the file's links that a turn must add to be tried, share of the rows before and after
-# it, and rounds of the search for its time.
+# Correlation with the torques of the file's links or of a fit that a turn must add to be tried, share of the rows
+# before and after it, and rounds of the search for its time.
 MIN_GAIN, MIN_SHARE, ROUNDS = 0.25, 0.05, 3
 
 
@@ -31,10 +32,11 @@ def turned_torques(rows: HypothesisRows, mixings: Sequence[Array]) -> Iterator[T
     """Torques that may turn their signs, which matrices (r, r) turn, one for each joint."""
     links, x = rows.evidence.prior.tens.ravel(), np.zeros(rows.packed.shape[1])
     x[: links.size] = links
-    told = rows.packed.torques(x)
+    # Where friction outweighs the links, a fit tells more, unless the turn is in the middle and leaves it nothing.
+    each = [rows.packed.torques(own) for own in (x, rows.least(rows.mixed(np.eye(len(mixings))))[0])]
     for source, (j, mixing) in product(rows.sources, enumerate(mixings)):
         here = rows.of_source(source)
-        time, gain = _turn(rows, here, told, j)
+        time, gain = max((_turn(rows, here, told, j) for told in each), key=itemgetter(1))
         if gain > MIN_GAIN:
             yield _fitted(rows, TurnedTorque(j, source, time, rows.mixed(np.eye(len(mixings)))), mixing)
 
