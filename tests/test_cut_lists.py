@@ -42,3 +42,10 @@ def test_a_long_list_is_cut_and_says_so(told: Callable[[list[str]], str], most: 
     if more:
         assert more not in whole
         assert more in cut
+
+
+def test_a_message_is_two_thousand_characters_of_text_at_most() -> None:
+    assert str(FileError("a\x07b\nc")) == "a\\x07b\nc"
+    told = str(FileError("a" + 5000 * "x" + "z"))
+    assert (len(told), told[0], told[-1], "x...x" in told) == (2000, "a", "z", True)
+    assert str(FileError(2000 * "x")) == 2000 * "x"

@@ -312,6 +312,17 @@ def test_errors_of_the_folder_name_it_and_those_of_other_files_are_theirs(tmp_pa
     assert names(tmp_path) == set()
 
 
+def test_a_folder_is_made_beside_the_one_that_it_replaces_unless_that_is_fixed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place = tmp_path / "out"
+    written(place, "1")
+    for fixed in (False, True):
+        monkeypatch.chdir(place if fixed else tmp_path)
+        with replacing_folder(place, overwrite=True) as beside:
+            assert beside.parent == (place if fixed else tmp_path)
+
+
 def test_a_run_in_the_working_folder_brings_folders_of_any_depth(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
