@@ -261,14 +261,12 @@ class Newton:
         return self.moved(*steps, taken)
 
     def _target(self, predicted: tuple[Array, Array], share: Array) -> Array:
-        """Targets (m,) of the ratios: what predicted steps leave of their mean, by that success."""
+        """Targets (m,) of the ratios: the mean that predicted steps leave, from that at the end to what it is now."""
         (S, s), (T, t) = map(self.parted, predicted)
         V, v = diagonal(self.point.values), self.point.own
         after = np.sum((V + _wide(share, 4) * S) * (V + _wide(share, 4) * T), axis=(1, 2, 3)) / self.problem.weight
         after += np.sum((v + share[:, None] * s) * (v + share[:, None] * t), axis=1) / POSITIVE_WEIGHT
-        mean, above = after / (self.times * self.ratios.shape[1]), np.maximum(self.spread - 1.0, 0.0)
-        left = np.clip((mean - 1.0) / np.maximum(above, 1e-12), 0.0, 1.0)
-        return np.where(above > 1e-12, 1.0 + left * above, 1.0 + 0.0 * above)
+        return np.clip(after / (self.times * self.ratios.shape[1]), 1.0, np.maximum(self.spread, 1.0))
 
     def moved(self, step: Array, other: Array, share: Array) -> Points:
         """Points after shares (m,) of the steps of parameters and of multipliers."""
