@@ -139,6 +139,8 @@ ALIKE = {
     "abs(abs(a) - abs(b)) < EQUAL_COEFFICIENT_TOLERANCE * abs(b)": "coefficients differ by round-off or far more",
     "adaptctl/codegen/initialisation.py::start_of PROBE_DISTANCE * np.linspace(0.5, 1.0, law.dof) -> "
     "PROBE_DISTANCE / np.linspace(0.5, 1.0, law.dof)": "any positions aside tell what depends on them",
+    "adaptctl/codegen/initialisation.py::start_of 0.5 -> 1.0": "as above",
+    "adaptctl/codegen/initialisation.py::start_of 1.0 -> 2.0": "as above",
     "adaptctl/tuning/verification.py::verifications farthest >= MAX_ERROR -> farthest > MAX_ERROR": (
         "no error is its bound to the last bit"
     ),

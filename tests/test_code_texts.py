@@ -14,7 +14,7 @@ from wasm_machine import Machine
 
 from adaptctl.codegen import builds, live_arm
 from adaptctl.codegen.builds import Build
-from adaptctl.codegen.c_function import CNumber, Kind, _side_by_side, most_alive
+from adaptctl.codegen.c_function import CNumber, CStatements, Kind, _side_by_side, most_alive
 from adaptctl.codegen.c_program import CProgram
 from adaptctl.codegen.exporting import Exported, _name
 from adaptctl.codegen.interface import Field, Interface
@@ -23,8 +23,10 @@ from adaptctl.codegen.wasm_module import WasmModule
 from adaptctl.codegen.wasm_package import _words
 from adaptctl.compilation import outlined, trace
 from adaptctl.compilation.graph import Expression, Op
+from adaptctl.compilation.llvm import Piece
 from adaptctl.control import ComputedTorque, Sinusoids
 from adaptctl.dynamics import load
+from adaptctl.scalars import where
 from adaptctl.simulation import Plant
 
 LIGHT = ComputedTorque(load("two_link"), np.full(2, 6.0))
@@ -56,6 +58,36 @@ def test_as_many_numbers_are_alive_as_were_computed_and_are_still_to_be_used() -
     assert most_alive(routine.body, routine.outputs) == most > 10
 
 
+def statements(function: Any, **given: str) -> CStatements:
+    """Statements of a function of numbers, each with its text."""
+    routine, texts = trace(function, dict.fromkeys(given, 1)), list(given.values())
+    code = CStatements("a", CNumber("double", {}), Piece(routine.body, {}, {}), {}, lambda part, _k: texts[part])
+    for x in routine.body:
+        code.compute(x, named=False)
+    return code
+
+
+def test_what_is_used_once_and_is_short_is_written_where_it_is_used() -> None:
+    long = {"x": "x" * 43, "y": "y" * 44}  # 90 letters with the sign between them, and one more
+    assert statements(lambda x, y: x[0] + y[0], **long).lines == []
+    (line,) = statements(lambda x, y: x[0] + y[0], **(long | {"x": "x" * 44})).lines
+    assert line.startswith("const a_real x")
+    (line,) = statements(lambda x, y: (x[0] + y[0]) * (x[0] + y[0]), x="x", y="y").lines
+    assert line.endswith(" = x + y;")
+    (line,) = statements(lambda x, y: where(x[0] < y[0], 1.0, where(x[0] < y[0], y[0], 2.0)), x="x", y="y").lines
+    assert line.startswith("const int ")
+
+
+def test_arguments_without_use_are_said_to_be_so() -> None:
+    routine, program = trace(lambda x, y: (y[0] * y[0], 3.0), {"x": 1, "y": 1}), CProgram("a", CNumber("double", {}))
+    text = program.source(routine, program.on_arrays(routine, "a_f", ["x", "y"])).text
+    assert "(void)x;" in text
+    assert "(void)y;" not in text
+    assert "out1[0] = 3.0;" in text
+    bare = trace(lambda x: 3.0, {"x": 1})
+    assert "out0[0] = 3.0;" in program.source(bare, program.on_arrays(bare, "a_g", ["x"])).text
+
+
 def stack(function: Any, kind: Kind = "double") -> int:
     """Bytes that a function of two numbers needs, about."""
     routine, program = trace(function, {"x": 2}), CProgram("a", CNumber(kind, {}))
@@ -67,6 +99,8 @@ def test_a_stack_holds_numbers_and_where_to_return_to_of_all_that_are_called_at_
     outer = outlined(lambda a: inner(2.0 * a))
     sums = [stack(lambda x: x[0] + x[1], kind) for kind in ("double", "float")]  # type: ignore[arg-type]
     assert 0 < sums[1] < sums[0]
+    more = [stack(lambda x: (x[0] + x[1]) * (x[0] - x[1]), kind) for kind in ("double", "float")]  # type: ignore[arg-type]
+    assert more[0] - sums[0] == 2 * (more[1] - sums[1]) > 0
     calls = [stack(lambda x, part=part: part(x[0])) for part in (inner, outer)]  # type: ignore[misc]
     assert sums[0] + 8 < calls[0] < calls[1] - 8
     assert stack(lambda x: inner(x[0]) + outer(x[1])) - calls[1] < sums[0]  # one of them at a time
@@ -97,6 +131,31 @@ def test_a_number_of_a_field_has_its_place_and_label() -> None:
     assert [field.label(k) for k in range(6)] == ["x", "y", "z"] * 2
 
 
+@pytest.mark.parametrize(
+    ("name", "size", "labels"),
+    [
+        ("estimate", 3, ("a", "b", "c")),
+        ("inner_q", 3, ()),
+        ("torque", 2, ("one", "two")),
+        ("q", 4, ("1", "2", "3", "4")),
+        ("other", 5, ()),
+    ],
+)
+def test_numbers_bear_names_of_as_many_parameters_joints_or_links(
+    name: str, size: int, labels: tuple[str, ...]
+) -> None:
+    links = SimpleNamespace(links=[None] * 4, description=SimpleNamespace(joint_names=("1", "2", "3", "4")))
+    arm: Any = SimpleNamespace(model=SimpleNamespace(names=["a", "b", "c"]), joints=("one", "two"), mechanism=links)
+    assert Interface._labels(arm, name, size) == labels
+    bare: Any = SimpleNamespace(model=None, joints=("one",), mechanism=None)
+    assert Interface._labels(bare, name, size) == ()
+
+
+def test_a_law_without_a_period_of_its_own_is_exported_for_one_of_a_millisecond() -> None:
+    assert Interface(LIGHT).control_period == 1e-3
+    assert Interface(LAWS["guarded"]).control_period == LAWS["guarded"].control_period  # type: ignore[attr-defined]
+
+
 def test_constants_that_any_law_has_bear_no_parameters_name() -> None:
     values = np.array([0.5, -1.0, 2.0, -0.25, 0.25, *np.zeros(len(ARM.inertial_parameters) - 5)])
     interface: Any = SimpleNamespace(innermost=SimpleNamespace(parameters=values), mechanism=ARM)
@@ -124,6 +183,7 @@ def test_the_readme_of_a_module_tells_what_its_reference_is_of() -> None:
 def test_a_module_of_a_page_is_as_large_as_allowed(monkeypatch: pytest.MonkeyPatch) -> None:
     swing = Sinusoids(np.zeros(2), np.full(2, 0.2), np.ones(2))
     live: Any = shown(LIGHT, LIGHT.mechanism, swing)
+    assert live.facts["damping"] == [1.0, 1.0]  # a law without one
     monkeypatch.setattr(live_arm, "MAX_MODULE_BYTES", len(live.binary))
     assert isinstance(shown(LIGHT, LIGHT.mechanism, swing), LiveArm)
     monkeypatch.setattr(live_arm, "MAX_MODULE_BYTES", len(live.binary) - 1)

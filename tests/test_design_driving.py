@@ -21,7 +21,7 @@ from adaptctl.dynamics import load
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
-from adaptctl.recording.skeleton import skeleton
+from adaptctl.recording.skeleton import Solid, skeleton
 from adaptctl.simulation import rollout
 from adaptctl.tuning import tune
 
@@ -36,7 +36,10 @@ def study() -> DesignStudy:
 
 @pytest.fixture(scope="module")
 def runs(study: DesignStudy) -> dict[str, DrivenArm]:
-    return {run.name: run for run in driven(study, duration=SECONDS, components=3, seed=0)}
+    shares: list[float] = []
+    found = driven(study, duration=SECONDS, components=3, seed=0, progress=shares.append)
+    assert shares == pytest.approx([k / 6.0 for k in range(7)])
+    return {run.name: run for run in found}
 
 
 def test_each_arm_is_driven_by_three_controllers(runs: dict[str, DrivenArm]) -> None:
@@ -115,6 +118,7 @@ def test_errors_are_drawn_by_components_without_and_with_counterweights(study: D
     (axes,) = _components_figure(study).axes
     *curves, bound = axes.lines
     assert np.allclose(bound.get_ydata(), study.percent)
+    assert [line.is_dashed() for line in axes.lines] == [False, False, True]
     assert len({line.get_color() for line in axes.lines}) == 3
     assert [text.get_text() for text in axes.get_legend().get_texts()] == ["as described", "with counterweights"]
     for line, task in zip(curves, (study.task, study.counterweights.balanced_task), strict=True):
@@ -127,7 +131,13 @@ def test_an_arm_is_coloured_along_its_links(study: DesignStudy) -> None:
     parts = skeleton(study.task.mechanism)
     found = picture.spots(study.map, parts)
     names = [link.name for link in study.task.mechanism.links]
-    assert len(found.link) > 20
+    shapes = [
+        shape for shape in parts.shapes if shape.solid is not Solid.JOINT and names[shape.link] in ("upper", "lower")
+    ]
+    assert len(found.link) == 24 * len(shapes) > 0
+    for first, shape in zip(found.place[::24], shapes, strict=True):
+        np.testing.assert_allclose(first, shape.start)
+    np.testing.assert_allclose(found.place[-1], shapes[-1].end)
     for link in np.unique(found.link):
         own = found.link == link
         np.testing.assert_allclose(found.change[own], study.map.at(names[int(link)], found.place[own]))
@@ -139,6 +149,8 @@ def test_counterweights_and_their_places_are_shown_where_they_are(study: DesignS
     p = arm.neutral_configuration[None]
     picture._log_costs(recording, study, skeleton(arm), np.zeros(1), p)
     shown = {call.args[0].strip("/"): call.args[1] for call in recording.log.call_args_list}
+    fixed = [call for call in recording.log.call_args_list if call.args[0].endswith(("cost", "room", "counterweight"))]
+    assert all(call.kwargs["static"] for call in fixed)
     (weight, *_) = study.counterweights.weights
     ball = shown[f"world/arm/{weight.link}/counterweight"]
     assert ball.positions.as_arrow_array().to_pylist()[0] == pytest.approx(weight.place, rel=1e-6)

@@ -79,6 +79,8 @@ def validate_alike(interface: Interface, ticks: list[tuple[Array, Array, Referen
     """Require the text of a law to do what Python does with ticks of p, v and reference; Python's state after them."""
     package = CPackage(interface, "a", "double")
     law = functions_of(package.functions, "a")["a_law"]
+    written = re.findall(r"^ +((?:next->\w+|torque)\S*) = ", package.functions, re.MULTILINE)
+    assert len(written) == len(set(written)), "a result is written once"
     state = interface.controller.init(ticks[0][0], np.zeros(interface.controller.dof))
     gains = lists(interface.all_gains, [field.values for field in interface.all_gains])
     for p, v, point in ticks:
@@ -139,6 +141,7 @@ def test_a_package_is_whole_and_says_what_it_is(name: str, tmp_path: Path) -> No
     assert law.kernel is not None
     assert manifest["flops"] == law.kernel.operations.flops
     assert manifest["guarded"] is isinstance(law, SafetyFilter)
+    assert re.fullmatch("[0-9A-F]{16}", manifest["abi_hash"])
     readme = (done.directory / "README.md").read_text()
     header = (done.directory / "a.h").read_text()
     for joint in mechanism.primary_joints:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -22,6 +23,7 @@ from adaptctl.codegen.closed_loop_check import _motion, _unlearned, centre, chec
 from adaptctl.codegen.interface import Interface
 from adaptctl.control import ComputedTorque, Sinusoids
 from adaptctl.errors import InputError, VerdictError
+from adaptctl.scalars import column
 
 
 def test_a_law_that_runs_away_is_not_exported(tmp_path: Path) -> None:
@@ -74,6 +76,20 @@ def test_the_motion_of_test_vectors_is_one_that_an_arm_could_make() -> None:
     for j, both in enumerate(with_period):  # of whole numbers of Hz from 3 on
         assert both[0, j] == pytest.approx(both[1, j], abs=1e-12)
         assert both[0, (j + 1) % 3] != pytest.approx(both[1, (j + 1) % 3], abs=1e-4)
+
+
+def test_a_tool_is_moved_about_its_place_at_home_while_its_joints_move_about_theirs() -> None:
+    interface = Interface(law_named("tool in the world"))
+    reference: Any = default_reference(interface)
+    law: Any = interface.innermost
+    p0, step = centre(interface), 1e-5
+    assert np.ravel(reference.amplitude) == pytest.approx(np.full(2, 0.05))
+    x, _ = law.point(column(law.model.mechanism.configuration(p0)))
+    assert np.ravel(reference.center) == pytest.approx([float(part) for part in x])
+    p, v = _motion(interface, reference, np.arange(0.0, 0.5, step))
+    np.testing.assert_allclose((p[2:] - p[:-2]) / (2.0 * step), v[1:-1], atol=1e-6)
+    assert np.abs(p - p0).max(axis=0) == pytest.approx(np.full(interface.controller.dof, 0.02), rel=1e-3)
+    assert p[0] == pytest.approx(p0 + 0.02 * np.sin(1.0))
 
 
 @pytest.mark.parametrize(
@@ -173,6 +189,17 @@ def test_a_check_says_what_it_saw(name: str) -> None:
         assert 0.0 < found["rms_error_last_10_s"] < 0.1
     else:
         assert found["rms_error_last_10_s"] is None
+
+
+def test_a_check_is_of_mechanisms_of_as_many_links_as_are_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    interface, swing = Interface(slotine_li(GAIN)), Sinusoids(np.zeros(3), np.full(3, 0.1), np.ones(3))
+    for most, checked in ((len(ARM.links), True), (len(ARM.links) - 1, False)):
+        monkeypatch.setattr("adaptctl.codegen.closed_loop_check.MAX_COMPILED_LINKS", most)
+        with nullcontext() if checked else pytest.raises(InputError, match=r"check: .* without the check"):
+            assert check_closed_loop(interface, swing, 0.01)["finite"]
+    bare: Any = SimpleNamespace(mechanism=None, controller=None)
+    with pytest.raises(InputError, match="no mechanism to simulate"):
+        check_closed_loop(bare, swing)
 
 
 def test_a_check_can_be_repeated_from_what_it_states() -> None:

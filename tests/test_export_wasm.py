@@ -19,6 +19,7 @@ import adaptctl
 from adaptctl.codegen.closed_loop_check import default_reference, record
 from adaptctl.codegen.interface import Interface, status_bits
 from adaptctl.codegen.wasm_module import WasmModule, WasmPlaces, unsigned
+from adaptctl.codegen.wasm_package import wasm_files
 from adaptctl.compilation import outlined, trace
 from adaptctl.compilation.sine import DOUBLE
 from adaptctl.control.pytree import leaves
@@ -78,22 +79,39 @@ def test_every_operation_and_calls_do_what_floats_do(a: float, b: float) -> None
 
 @pytest.mark.parametrize("name", ["gradient", "composite", "natural", "tool", "guarded", "computed torque", "loop"])
 def test_laws_do_what_python_does(name: str) -> None:
+    """At the places that the script is told of."""
     interface = Interface(law_named(name))
     law = interface.controller
-    module = WasmModule()
-    places = module.export("law", interface.law)
-    machine = Machine(module.binary())
+    files, _ = wasm_files(interface, "arm", "double")
+    facts, machine = facts_of(str(files["arm.js"])), Machine(bytes(files["arm.wasm"]))  # type: ignore[arg-type]
     rows, _ = record(interface, default_reference(interface), ticks=3)
     state = law.init(rows[0].p, np.zeros(law.dof))
+    assert [len(values) for values in facts["start"]] == facts["sizes"] == [len(leaf) for leaf in leaves(state)]
+    for at, values in zip(facts["gains"], [facts["gain"]] if facts["gain"] else [], strict=True):
+        machine.write(8 * at, values)
     for row in rows:
-        given = [row.p, row.v, *row.reference, *leaves(state), *([law.packed] if law.packed.size else [])]
-        for at, values in zip(places.inputs, given, strict=True):
-            machine.write(at, values)
+        given = zip(facts["given"], (row.p, row.v, *row.reference), strict=True)
+        for at, values in (*given, *zip(facts["memory"], leaves(state), strict=True)):
+            machine.write(8 * at, list(values))
         machine.call(machine.exports["law"])
         torque, state = law.step(state, row.p, row.v, row.reference)
-        for at, wanted in zip(places.outputs, (torque, *leaves(state)), strict=True):
+        for at, wanted in zip((facts["torque"], *facts["next"]), (torque, *leaves(state)), strict=True):
             scale = max(1.0, float(np.abs(wanted).max(initial=0.0)))
-            np.testing.assert_allclose(machine.read(at, len(wanted)), wanted, rtol=0, atol=1e-10 * scale)
+            np.testing.assert_allclose(machine.read(8 * at, len(wanted)), wanted, rtol=0, atol=1e-10 * scale)
+    assert (facts["walk"] is not None) == (name == "loop")
+    for walked in filter(None, [facts["walk"]]):
+        ((p, q), (closed,)), ((asked,), (told,)) = facts["places"]["closed"], facts["places"]["regular"]
+        for at, values in ((p, law.neutral_configuration), (q, walked["home"]), (asked, walked["home"])):
+            machine.write(8 * at, list(values))
+        for what in ("closed", "regular"):
+            machine.call(machine.exports[what])
+        assert machine.read(8 * closed, len(walked["home"])) == pytest.approx(walked["home"], abs=1e-9)
+        assert machine.read(8 * told, 1) == [1.0]
+
+
+def facts_of(script: str) -> Any:
+    """What the script of a package is told of its module."""
+    return json.loads(script.split("const facts = ", 1)[1].split(";\n", 1)[0])
 
 
 def test_a_package_holds_the_module_twice_and_is_the_same_each_time(tmp_path: Path) -> None:
@@ -108,7 +126,7 @@ def test_a_package_holds_the_module_twice_and_is_the_same_each_time(tmp_path: Pa
     assert set(Machine(binary).exports) == {"law"}
     script = (first.directory / "arm.js").read_text()
     assert "http" not in script
-    facts = json.loads(script.split("const facts = ", 1)[1].split(";\n", 1)[0])
+    facts = facts_of(script)
     assert facts["joints"] == law.dof
     assert facts["gain"][: law.dof] == [50.0] * law.dof
 
@@ -116,8 +134,7 @@ def test_a_package_holds_the_module_twice_and_is_the_same_each_time(tmp_path: Pa
 def test_the_brake_keeps_to_the_torque_limits(tmp_path: Path) -> None:
     law = guarded(slotine_li(), torque=40.0, stop_damping=[2.0, 3.0, 4.0])
     done = adaptctl.export(law, tmp_path / "out", name="arm", language="wasm")
-    script = (done.directory / "arm.js").read_text()
-    facts = json.loads(script.split("const facts = ", 1)[1].split(";\n", 1)[0])
+    facts = facts_of((done.directory / "arm.js").read_text())
     interface = Interface(law)
     flags = [(interface.memory[k].name.removeprefix("flags_"), value) for k, value in facts["flags"]]
     own = status_bits(interface)[-len(interface.flags) :]

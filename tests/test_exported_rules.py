@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,8 +18,8 @@ import adaptctl
 from adaptctl.codegen.c_loops import _position
 from adaptctl.codegen.c_package import CPackage
 from adaptctl.codegen.c_program import _callees
-from adaptctl.codegen.gain_rules import gain_rules
-from adaptctl.codegen.interface import Interface, short_names, status_bits, status_of
+from adaptctl.codegen.gain_rules import _most, gain_rules
+from adaptctl.codegen.interface import Field, Interface, short_names, status_bits, status_of
 from adaptctl.compilation import outlined, trace
 from adaptctl.compilation.loops import Index
 from adaptctl.control import Controller, PDGravity, ReferencePoint, Sinusoids, SlotineLi
@@ -26,7 +27,7 @@ from adaptctl.description import builtin_file
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.loops.continuation import MAX_LOST_GAP
 from adaptctl.dynamics.loops.single_precision import MAX_CLOSURE_GAP
-from adaptctl.errors import GainError
+from adaptctl.errors import GainError, InputError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, absolute, where
 from adaptctl.simulation import Plant
@@ -111,6 +112,58 @@ def test_gains_that_the_code_accepts_are_gains_that_the_law_accepts(arm: str, la
         controller.tuned({name: rule.most})
         with pytest.raises(GainError):
             controller.tuned({name: 1.3 * np.asarray(rule.most)})
+
+
+def lawful(values: list[float], allowed: Callable[[Any], bool], error: type[Exception] = GainError) -> Any:
+    """A controller of one gain, which it takes where that is allowed."""
+
+    def tuned(numbers: dict[str, Any]) -> None:
+        if not allowed(numbers["inner.gain"]):
+            raise error
+
+    return SimpleNamespace(numbers={"inner.gain": np.array(values)}, tuned=tuned)
+
+
+@pytest.mark.parametrize(
+    ("values", "allowed", "positive", "signed"),
+    [
+        ([0.5, 0.25], lambda x: min(x) > 0.0, True, False),
+        ([0.5, 0.25], lambda x: min(x) >= 0.0, False, False),
+        ([0.5, 0.25], lambda x: True, False, True),
+        ([0.5, 0.0], lambda x: x[0] > 0.0 and x[1] >= 0.0, False, False),
+        ([-0.5, 0.25], lambda x: x[0] < 0.0 < x[1], False, True),
+    ],
+)
+def test_signs_of_gains_are_those_that_the_law_takes(
+    values: list[float], allowed: Callable[[Any], bool], positive: bool, signed: bool
+) -> None:
+    for error in (GainError, InputError, ValueError, ZeroDivisionError):
+        law = lawful(values, allowed, error)
+        (rule,) = gain_rules(law, (Field("gain", law.numbers["inner.gain"]),))
+        assert (rule.positive, rule.signed, rule.infinite, rule.bounds) == (positive, signed, False, False)
+
+
+@pytest.mark.parametrize(("limit", "found"), [(1.1, 0), (7.0, 13), (9.0e3, 63), (1.0001e4, None)])
+def test_a_gain_is_bounded_by_the_largest_of_64_even_steps_to_ten_thousand(limit: float, found: int | None) -> None:
+    values = np.array([2.0, 3.0])
+    most = _most(lawful([2.0, 3.0], lambda x: max(x / values) <= limit), "inner.gain", values)
+    assert (most is None) == (found is None)
+    if most is not None:
+        assert most == pytest.approx(10.0 ** (4 * (found or 0) / 64) * values)
+    other = lawful([2.0, 3.0], lambda x: max(x / values) <= limit, InputError)
+    assert _most(other, "inner.gain", values) is None  # what refuses it is no bound of the period
+    assert _most(other, "inner.gain", np.array([np.inf, 1.0])) is None
+
+
+@pytest.mark.parametrize(("limit", "factor"), [(8.0, 0.9), (7.1, 0.81), (0.5, 0.0), (2e4, 1.0)])
+def test_a_bound_of_the_worst_position_shrinks_by_tenths_where_another_refuses_it(
+    limit: float, factor: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    values = np.ones(1)
+    monkeypatch.setattr("adaptctl.codegen.gain_rules._at_its_worst", lambda law: lawful([1.0], lambda x: x[0] < 8.7))
+    most = _most(lawful([1.0], lambda x: x[0] <= limit), "inner.gain", values)
+    assert most is not None
+    assert most == pytest.approx([max(factor * 10.0 ** (4 * 15 / 64), 1.0)])
 
 
 def test_each_flag_of_a_state_is_a_bit_of_its_own_beside_those_of_faults() -> None:

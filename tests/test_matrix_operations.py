@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
 import pytest
+from c_evaluation import functions_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from levels import usable
 from nightly import mostly_at_night
 
 from adaptctl.arrays import Array
+from adaptctl.codegen.c_function import CNumber
+from adaptctl.codegen.c_program import CProgram
 from adaptctl.compilation import Op, compile_function, compile_step, llvm, trace
 from adaptctl.compilation.lanes import Lanes
 from adaptctl.compilation.llvm import program
@@ -153,6 +157,22 @@ def test_native_loops_in_lanes_have_the_bits_of_one(name: str, k: int) -> None:
     assert native(operation, arguments, Processor.host().lanes, Processor.host()) == one
     for found, straight in zip(one, operation._unrolled([column(x) for x in arguments]), strict=True):
         np.testing.assert_allclose(found, straight.of, rtol=1e-9, atol=1e-9)
+
+
+@NAMES
+def test_loops_in_c_have_the_bits_of_floats(name: str) -> None:
+    """And the stack that is told holds all the numbers that they declare."""
+    operation, arguments = operation_and_arguments(name, 13, 3, np.random.default_rng(0))
+    sizes = {f"x{k}": len(x) for k, x in enumerate(arguments)}
+    routine = trace(lambda **given: operation(*given.values()), sizes)
+    program = CProgram("a", CNumber("double", {}))
+    source = program.source(routine, program.on_arrays(routine, "a_f", list(sizes)))
+    made = [[np.nan] * size for size in routine.layout.sizes]
+    functions_of(source.text, "a")["a_f"](*(x.tolist() for x in arguments), *made)
+    assert made == bits(operation._unrolled([column(x) for x in arguments]))
+    loops = source.text[: source.text.index("static void a_f(")]
+    declared = [int(size or 1) for size in re.findall(r"^ *a_real \w+(?:\[(\d+)\])?(?:;| = {)", loops, re.MULTILINE)]
+    assert source.stack >= 8 * sum(declared)
 
 
 @settings(max_examples=20, deadline=None)
