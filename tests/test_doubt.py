@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from adaptctl.control.adaptation.doubt import CONTACT, PAYLOAD, UNKNOWN, TorqueEquations, Watch, doubted, ended
+from adaptctl.control.adaptation.doubt import CONTACT, PAYLOAD, UNKNOWN, TorqueEquations, Watch, calm, doubted, ended
 from adaptctl.control.adaptation.law import Period
 from adaptctl.scalars import Column
 
@@ -33,6 +33,14 @@ def test_a_doubt_is_raised_by_what_is_no_noise_and_was_shown_before() -> None:
     assert doubts(13.0, onwards=0.0)
     assert not doubts(13.0, onwards=0.0, friction=5.0)  # learned friction whose sign may be wrong
     assert doubts(13.0, friction=5.0)
+
+
+def test_a_memory_is_as_calm_as_its_loudest_joint() -> None:
+    weights = Column((4.0, 100.0))  # standard deviations of 0.5 and 0.1 are stated
+    assert calm(Column((0.0, 0.0)), weights) == 1.0
+    assert calm(Column((0.125, 0.0001)), weights) == pytest.approx(0.5)
+    assert calm(Column((0.125, 0.0075)), weights) == pytest.approx(0.25)
+    assert calm(Column((1.0, 0.0)), weights) == 0.0
 
 
 @pytest.mark.parametrize(

@@ -115,26 +115,26 @@ def test_v_does_not_rise_while_nothing_is_doubted(period: float) -> None:
     assert V[-1] < 0.5 * V[0]
 
 
-def step_of_memory(stored: Any, missed: Array, dt: float, law: GuardedLearning) -> tuple[Array, Array]:
+def step_of_memory(state: GuardedMemory, missed: Array, dt: float, law: GuardedLearning) -> tuple[Array, Array]:
     """P^-1 and the parameter step without tracking error, by dense matrices: the sum of a Newton step on what
-    leaves quarantine and of a recall of what was known."""
-    scale = np.sqrt(law.gain)
+    leaves quarantine and of a recall of what was known, the faster the calmer the loudest joint is."""
+    scale, stored = np.sqrt(law.gain), state.stored
+    recall = law.recall * (2.0 - min(1.0, np.max(np.asarray(state.watch.noise) * law.prediction_weight)))
     Q, pending = (from_triangle(x, K) for x in (stored.information, stored.pending))
     leave = 1.0 - 1.0 / (1.0 + dt / QUARANTINE)
     keep = 1.0 / (1.0 + law.forgetting * dt)
     after = keep * Q + leave * pending
     x = missed / scale
-    force = leave * (pending @ x) + law.recall * dt * keep * (Q @ x)
+    force = leave * (pending @ x) + recall * dt * keep * (Q @ x)
     return after, scale * np.linalg.solve(np.eye(K) + after, force)
 
 
 def test_a_step_is_that_of_dense_matrices() -> None:
     controller, mechanism = learner(min_speed=0.0), arm(ARM)
-    run = loop(controller, mechanism, swinging(mechanism), 1.0)
     law: Any = controller.adaptation_law
+    run = loop(controller, mechanism, swinging(mechanism), 1.0)
     for before, after in zip(run.states[-5:-1], run.states[-4:], strict=True):
-        stored = memory(before).stored
-        information, step = step_of_memory(stored, before.estimate - TRUE, 1e-3, law)
+        information, step = step_of_memory(memory(before), before.estimate - TRUE, 1e-3, law)
         np.testing.assert_allclose(
             from_triangle(memory(after).stored.information, K), information, rtol=1e-9, atol=1e-9
         )

@@ -115,6 +115,12 @@ def doubted(
     return Column(noises), Column(doubts), age
 
 
+def calm(noise: Column, weights: Column) -> Any:
+    """Share, 0 to 1, by which the noise of every joint stays below what is stated."""
+    loudest = reduce(maximum, (seen * weight for seen, weight in zip(noise, weights, strict=True)))
+    return maximum(1.0 - loudest, 0.0)
+
+
 def touched(doubt: Column, beyond: Sequence[Condition], age: Any) -> Column:
     """Doubts (r,) in s, renewed for joints whose external torque is beyond its level."""
     old = where(age < YOUTH, 0.0, CLEAR)

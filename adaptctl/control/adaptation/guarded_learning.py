@@ -24,6 +24,7 @@ from adaptctl.control.adaptation.doubt import (
     UNKNOWN,
     TorqueEquations,
     Watch,
+    calm,
     coulomb_friction,
     doubted,
     ended,
@@ -37,14 +38,14 @@ from adaptctl.control.adaptation.guarded_memory import GuardedMemory
 from adaptctl.control.adaptation.late_torques import MAX_DELAY
 from adaptctl.control.adaptation.law import Period
 from adaptctl.control.adaptation.payload_test import PayloadTest
-from adaptctl.control.adaptation.recall import RecallingLeastSquares
+from adaptctl.control.adaptation.recall import MAX_RECALL, RecallingLeastSquares
 from adaptctl.control.adaptation.stored import Stored
 from adaptctl.control.adaptation.trial_estimate import held, returning, trial_share
 from adaptctl.control.adaptation.two_stage_filter import FilteredTwice
 from adaptctl.control.pytree import either
 from adaptctl.errors import InputError, validate_kind
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, Scalar, Tunable, column, each, maximum, where
+from adaptctl.scalars import Column, Scalar, Tunable, column, each, maximum, minimum, where
 
 GRADIENT_SHARE = 0.6
 """share of P with which tracking errors act: with all of it differences of coarse encoders make light arms diverge,
@@ -75,7 +76,8 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         Rate in 1/s at which the past fades while joints move. At 0.2 the time constant is 5 s.
     recall : float, default 10.0
         Rate rho in 1/s of convergence to the stored information while a joint moves, a hundredth of it at rest, at most
-        0.5 divided by the control period. At 10 it is faster than arms move.
+        0.5 divided by the control period. At 10 it is faster than arms move. It is up to twice as high, within that
+        limit, the smaller missed torques are against what the weight states.
     min_speed : array_like, default 0.05
         Speed in rad/s (m/s), one number or (r,), below which a joint's equation is not stored, since friction at rest
         says nothing of the model.
@@ -264,7 +266,9 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         observer = self.external_torque
         fast = None if observer is None else external_torque.predicted(observer, model, period, memory.touch)
         alarmed, stored = watch.alarm[0] > 0.0, memory.stored
-        flow = stored.flow(period, alarmed, reduce(maximum, sample.counts), (self.forgetting, self.recall))
+        faster = minimum(self.recall, MAX_RECALL / period.period - self.recall)
+        rates = self.forgetting, self.recall + faster * calm(watch.noise, weights)
+        flow = stored.flow(period, alarmed, reduce(maximum, sample.counts), rates)
         shares = where(alarmed, 0.0, period.dt) * (sample.counts * sample.weights)
         at, beside = (x, GRADIENT_SHARE * slope), [] if fast is None else [scale * row for row in fast.rows]
         stored, step, unsure = stored.stepped(flow, sample.units, sample.torque, shares, at, beside)
