@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.optimize import nnls
 
 from adaptctl.arrays import Array
 from adaptctl.description.drive import Drive
@@ -38,7 +37,7 @@ from adaptctl.identification.payloads import (
 from adaptctl.identification.report import _word, best_hypotheses
 from adaptctl.identification.torque_constants import _constants, _identified, _relative_deviations, _stated
 from adaptctl.identification.uncertainty import Student
-from adaptctl.identification.written import _nonnegative, missing_terms
+from adaptctl.identification.written import missing_terms
 
 rng = np.random.default_rng(3)
 PUMA = load("puma560_measured")
@@ -61,13 +60,6 @@ def test_of_each_kind_the_best_hypothesis_is_shown_and_the_best_kind_first() -> 
     found: Any = SimpleNamespace(hypotheses=(*tried, TriedHypothesis("b", "", 0.5)))
     assert [(t.kind, t.error) for t in best_hypotheses(found)] == [("as is", 0.1), ("a", 0.2), ("b", 0.3)]
     assert best_hypotheses(SimpleNamespace(hypotheses=())) == []  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("true", [(2.0, 3.0), (-2.0, 3.0), (2.0, -9.0), (-1.0, -1.0)])
-def test_friction_that_is_not_negative_is_the_nearest(true: tuple[float, float]) -> None:
-    columns = (v := rng.normal(size=40))[:, None] ** [1.0, 0.0] * np.stack([np.ones(40), np.sign(v)], axis=1)
-    wanted = columns @ true + 0.1 * rng.normal(size=40)
-    assert _nonnegative(columns, wanted) == pytest.approx(nnls(columns, wanted)[0], abs=1e-12)
 
 
 def test_terms_that_a_format_has_no_place_for_are_told_with_their_values() -> None:
