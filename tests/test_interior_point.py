@@ -285,3 +285,22 @@ def test_a_point_near_zero_is_as_far_from_the_end_as_its_weights(newton: Newton)
     near = Newton(newton.problem, at(newton.point.scaling, values, newton.point.sizes, own))
     near.__dict__["slope_error"] = np.zeros(2)
     np.testing.assert_allclose(near.error, 1.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("shares", [(0.2, 0.1), (0.2, 0.29), (0.31, 0.9)])
+def test_short_steps_are_replaced_by_longer_ones_that_only_center(
+    newton: Newton, shares: tuple[float, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On three times the mean of parameters times multipliers; after one to the end, and one with its corrector."""
+    targets: list[Array] = []
+    own, step = iter([0.6, *shares]), Newton.step
+    monkeypatch.setattr(Newton, "step", lambda self, target, *bent: targets.append(target) or step(self, target, *bent))
+    monkeypatch.setattr(Newton, "share", lambda self, steps, most: np.full(2, next(own)))
+    moved = newton.next_point(10.0)
+    np.testing.assert_array_equal(targets[0], np.ones(2))
+    centered = len(targets) == 3
+    assert centered == (shares[0] < 0.3)
+    if centered:
+        np.testing.assert_allclose(targets[2], 3.0 * newton.spread)
+        best = newton.moved(*newton.step(targets[2]), np.full(2, shares[1])).x
+        assert np.allclose(moved.x, best) == (shares[1] > shares[0])

@@ -10,15 +10,19 @@ import numpy as np
 import pytest
 
 from adaptctl.arrays import Array
+from adaptctl.control.excitation.motion_limits import MotionLimits
 from adaptctl.description.drive import Drive
 from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.description.readers.entries import Tensor
 from adaptctl.dynamics import load
 from adaptctl.errors import InputError
-from adaptctl.identification import lasting_errors, taking
+from adaptctl.identification import contradictions, lasting_errors, regular_range, taking
 from adaptctl.identification.drives_content import MotorEntry, PayloadEntry, UnitsEntry
 from adaptctl.identification.drives_file import _completed
 from adaptctl.identification.filtered_dynamics import Rows
+from adaptctl.identification.fit import FitSettings
+from adaptctl.identification.friction_model import FrictionModel
+from adaptctl.identification.gathering import _turns, _validate_enough
 from adaptctl.identification.hypotheses import TriedHypothesis
 from adaptctl.identification.hypothesis_rows import LEAST_ERROR, HypothesisRows, _mean_errors
 from adaptctl.identification.lasting_errors import _scores
@@ -34,6 +38,8 @@ from adaptctl.identification.payloads import (
     with_unknown_payloads,
     without_payloads,
 )
+from adaptctl.identification.preparation import PreparationStep
+from adaptctl.identification.regular_range import SHRINKAGE, regular_limits
 from adaptctl.identification.report import _word, best_hypotheses
 from adaptctl.identification.torque_constants import _constants, _identified, _relative_deviations, _stated
 from adaptctl.identification.uncertainty import Student
@@ -293,3 +299,73 @@ def test_a_reach_is_in_units_of_the_toolboxs_coordinates(monkeypatch: pytest.Mon
     np.testing.assert_allclose(UNIT * np.stack([least, most]), [[-3.0] * 20, [3.0] * 20])
     modifier(None, SimpleNamespace(value=np.array([2.0])))
     assert written == [2.0 * UNIT]
+
+
+@pytest.mark.parametrize(
+    ("outcome", "told"), [("0 jumps", False), ("skipped", False), ("1 jumps", True), ("10 jumps", True)]
+)
+def test_full_turns_that_were_removed_are_remarked(outcome: str, told: bool) -> None:
+    steps = [PreparationStep("resample", "3 holes"), PreparationStep("unwrap", outcome)]
+    assert _turns(steps) == [outcome] * told
+
+
+def test_logs_have_a_second_and_a_half_of_motion_together() -> None:
+    pieces: list[Any] = [SimpleNamespace(source="a", rate=10.0, moving=np.arange(20) < k) for k in (8, 7)]
+    assert _validate_enough(pieces) == pytest.approx(1.5)
+    pieces[1].moving[6] = False
+    with pytest.raises(InputError, match=r"a: the log has only 1.4 s of motion; at least 1.5 s"):
+        _validate_enough(pieces)
+
+
+def test_a_box_that_is_irregular_somewhere_shrinks_about_the_reference(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By twentieths until all of it is regular; here from the fourth time on."""
+    home, ends = np.array([0.5, -0.5]), (np.array([-1.0, -2.0]), np.array([1.0, 2.0]))
+    asked: list[Array] = []
+
+    def keeps_regular(mechanism: Any, p: Array) -> Array:
+        asked.append(p)
+        return np.full(len(p), len(asked) > 3)
+
+    monkeypatch.setattr(regular_range, "keeps_regular", keeps_regular)
+    monkeypatch.setattr(regular_range, "_box", lambda keeps, home, lower, upper, rng: (lower, upper))
+    loops = SimpleNamespace(reference=np.array([7.0, *home]), primary=[1, 2])
+    description = SimpleNamespace(joint_names=(), primary=(), loops=None)
+    arm: Any = SimpleNamespace(continuation=loops, description=description, name="arm")
+    limits = MotionLimits(*ends, np.ones(2), np.ones(2))
+    found = regular_limits(arm, limits)
+    for own, end in zip((found.lower, found.upper), ends, strict=True):
+        np.testing.assert_allclose(own, home + SHRINKAGE**3 * (end - home))
+    for p, k in zip(asked, range(4), strict=True):
+        np.testing.assert_allclose(p.min(axis=0), home + SHRINKAGE**k * (ends[0] - home))
+        np.testing.assert_allclose(p.max(axis=0), home + SHRINKAGE**k * (ends[1] - home))
+    monkeypatch.setattr(regular_range, "keeps_regular", lambda mechanism, p: np.zeros(len(p), dtype=bool))
+    with pytest.raises(InputError, match="near a singularity everywhere"):
+        regular_limits(arm, limits)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "light", "errors", "told"),
+    [
+        (1.03, 9.0, (1.0, 0.1), None),
+        (1.04, 1.03, (1.03, 1.0), None),
+        (1.04, 1.03, (0.104, 0.1), "by the weight 10 of the prior and most at arm"),
+        (1.5, 1.4, (0.2, 0.1), "40.0% forced by arm, whatever the prior"),
+        (1.5, 1.41, (0.2, 0.1), "41.0% forced by arm"),
+    ],
+)
+def test_a_misfit_above_least_squares_is_told_where_those_predict_better(
+    ratio: float, light: float, errors: tuple[float, float], told: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By more than 3 %; from 40 % that bodies cannot help, the log may be another robot's."""
+    fits = {
+        name: SimpleNamespace(settings=FitSettings(FrictionModel(), 10.0, 4.0, 0.0), x=name)
+        for name in ("own", "light")
+    }
+    monkeypatch.setattr(contradictions, "misfit_ratio", lambda evidence, fit: ratio if fit is fits["own"] else light)
+    monkeypatch.setattr(contradictions, "forced", lambda evidence, fit: ["arm"])
+    evidence: Any = SimpleNamespace(blocks=2, ordinary=lambda *_: "free", fit=lambda *_: fits["light"])
+    held: Any = SimpleNamespace(of=lambda x: SimpleNamespace(relative_error=errors[x == "free"]))
+    found = contradictions.excess_misfit(evidence, fits["own"], held)  # type: ignore[arg-type]
+    assert (found.warning is None) == (told is None)
+    assert told is None or told in str(found.warning)
+    assert (contradictions.OTHER_ROBOT in str(found.warning)) == (light == 1.41)

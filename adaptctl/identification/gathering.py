@@ -60,7 +60,7 @@ def gathered(
     pieces = [piece for found, _ in prepared for piece in found]
     steps = tuple(dict.fromkeys(step for _, own in prepared for step in own))
     full, (tens, remarks) = with_all_friction(mechanism, drives), prior_links(mechanism)
-    remarks = [*(step.outcome for step in steps if step.name == "unwrap" and step.outcome[0] != "0"), *remarks]
+    remarks = [*_turns(steps), *remarks]
     fastest = motion_band(pieces) if band is None else band / BAND_CUTOFF_RATIO
     least = min(max(MIN_CUTOFF, BAND_CUTOFF_RATIO * fastest), COMPARISON_CUTOFF)
     smooth = min(max(MIN_MOTION_CUTOFF, MOTION_CUTOFF_RATIO * fastest), MOTION_CUTOFF)
@@ -92,6 +92,11 @@ def rows_without_payloads(
 ) -> list[Rows]:
     """Rows of each cut-off (Hz), the torques of known payloads taken off."""
     return [without_payloads(own, motions, balance.mechanism, drives) for own in rows_of(motions, balance, cutoffs)]
+
+
+def _turns(steps: Sequence[PreparationStep]) -> list[str]:
+    """Words on full turns that were removed, if any were, and the step was not skipped."""
+    return [step.outcome for step in steps if step.name == "unwrap" and step.outcome[0] in "123456789"]
 
 
 def _validate_enough(pieces: Sequence[PreparedLog]) -> float:
