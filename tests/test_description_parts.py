@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import io
+import json
 import math
+import resource
 from types import SimpleNamespace
 from typing import Any
 from xml.etree.ElementTree import fromstring
@@ -12,6 +15,8 @@ import pytest
 
 from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.description.locking import _ancestors, _groups, _inside, locked_words
+from adaptctl.description.reach import depths
+from adaptctl.description.readers import mjcf
 from adaptctl.description.readers.mujoco_model import _Equalities, _rank
 from adaptctl.description.readers.urdf_visuals import materials
 from adaptctl.description.writers.robot_file import _about_center, _all_below, _Finder, _still_below, with_comment
@@ -157,3 +162,28 @@ def test_a_coupling_is_linear_about_the_references_and_turned_where_its_follower
 def test_couplings_that_are_none_of_two_joints_are_refused(given: Any, error: type[Exception], told: str) -> None:
     with pytest.raises(error, match=told):
         _Equalities._coupling(given, 0, "e", [])
+
+
+def test_depths_count_joints_from_the_ground() -> None:
+    assert depths([-1, 0, 1, 0, -1, 4]) == [1, 2, 3, 2, 1, 2]
+
+
+def test_meshes_are_read_within_limits_of_time_memory_and_files(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A cube of a metre and of a thousand kg: one sixth of its mass about each axis."""
+    limits: dict[int, tuple[int, int]] = {}
+    monkeypatch.setattr(resource, "setrlimit", limits.__setitem__)
+    vertices = " ".join(f"{x} {y} {z}" for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5))
+    text = f'<mujoco><asset><mesh name="m" vertex="{vertices}"/></asset><worldbody><body name="b"><joint/>'
+    text += '<geom type="mesh" mesh="m"/></body></worldbody></mujoco>'
+    monkeypatch.setattr("sys.stdin", io.StringIO(text))
+    mjcf._serve()
+    assert limits == {
+        resource.RLIMIT_CPU: (mjcf.MAX_MESH_SECONDS,) * 2,
+        resource.RLIMIT_AS: (mjcf.MAX_MESH_MEMORY,) * 2,
+        resource.RLIMIT_FSIZE: (2**20, 2**20),
+    }
+    found = json.loads(capsys.readouterr().out)
+    assert found["body_mass"] == pytest.approx([0.0, 1000.0])
+    assert found["body_inertia"] == pytest.approx([0.0] * 3 + [1000.0 / 6.0] * 3)
