@@ -13,12 +13,16 @@ import pytest
 from adaptctl.arrays import Array
 from adaptctl.control.excitation.motion_limits import MotionLimits
 from adaptctl.description import Joint
-from adaptctl.identification import listed_hypotheses
+from adaptctl.identification import listed_hypotheses, long_logs
 from adaptctl.identification.column_names import offer
 from adaptctl.identification.contradictions import poorly_predicted
 from adaptctl.identification.energy_differences import _integral
+from adaptctl.identification.filtered_dynamics import ROWS_PER_PERIOD
+from adaptctl.identification.identification import Identification, _is_positive
 from adaptctl.identification.late_stamps import are_even
+from adaptctl.identification.long_logs import Stretches
 from adaptctl.identification.regular_range import _box, _oblique
+from adaptctl.identification.robot_motion import joint_trajectory
 from adaptctl.identification.taking import _explained
 from adaptctl.identification.written import _nonnegative
 
@@ -148,3 +152,52 @@ def test_the_signs_of_all_torques_are_doubted_beside_that_of_each(joints: int, m
     kinds = Counter(one.kind for one in listed_hypotheses._signs(rows))
     assert kinds.pop("sign of all torques", 0) == joints - 1
     assert set(kinds.values()) == {joints}
+
+
+@pytest.mark.parametrize(
+    ("name", "row", "positive"),
+    [
+        ("j1.viscous", [0.0, 1.0], True),
+        ("j1.rotor_inertia", [1.0, 0.0], True),
+        ("j1.rotor_inertia", [1.0, 0.5], False),  # beside links it is no rotor's own
+        ("j1.offset", [0.0, 1.0], False),
+        ("link1.mc_x", [1.0, 0.0], False),
+    ],
+)
+def test_drives_own_terms_that_are_never_negative_are_positive(name: str, row: list[float], positive: bool) -> None:
+    assert _is_positive(name, np.array(row)) == positive
+
+
+def test_intervals_are_nearly_two_deviations_about_the_estimate_and_of_friction_from_zero_on() -> None:
+    names = ("j1.viscous", "j2.viscous", "j1.offset", "j2.offset")
+    model = SimpleNamespace(regrouping=np.eye(4))
+    own: Any = SimpleNamespace(names=names, model=model, estimate=np.array([1.0, 9.0, 1.0, 1.0]))
+    own.deviations, own.interval_deviations = np.array([1.0, 1.0, 1.0, np.inf]), None
+    found = Identification.intervals.fget(own)  # type: ignore[attr-defined]
+    np.testing.assert_allclose(found, [[0.0, 2.96], [7.04, 10.96], [-0.96, 2.96], [np.nan, np.nan]])
+    own.interval_deviations = np.array([0.5, 1.0, 1.0, 1.0])
+    assert Identification.intervals.fget(own)[0] == pytest.approx([0.02, 1.98])  # type: ignore[attr-defined]
+
+
+def test_a_motion_is_a_message_of_its_samples_with_whole_seconds_apart() -> None:
+    """Nanoseconds that round up to a second are one less."""
+    time, p = np.array([0.0, 1.25, 2.9999999999]), np.random.default_rng(1).normal(size=(3, 3, 2))
+    motion: Any = SimpleNamespace(sampled=lambda rate: (time, p[0], p[1], p[2], None))
+    found = joint_trajectory(motion, ("a", "b"), 50.0)
+    assert found["joint_names"] == ["a", "b"]
+    times = [(one["time_from_start"]["sec"], one["time_from_start"]["nanosec"]) for one in found["points"]]
+    assert times == [(0, 0), (1, 250_000_000), (2, 999_999_999)]
+    for what, values in zip(("positions", "velocities", "accelerations"), p, strict=True):
+        np.testing.assert_allclose([one[what] for one in found["points"]], values, rtol=1e-8)
+
+
+@pytest.mark.parametrize(("seconds", "long"), [(1000.0, False), (1001.0, True)])
+def test_logs_are_long_by_the_memory_of_their_rows(seconds: float, long: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A row has 8 bytes for each joint and parameter; of each cut-off there are some in a period."""
+    mechanism = SimpleNamespace(dof=2, parameter_names=("x",) * 5)
+    logs: Any = [SimpleNamespace(time=range(round(own * 10.0)), rate=10.0) for own in (seconds - 400.0, 400.0)]
+    stretches = Stretches(logs, mechanism, None, 50.0, (2.0, 3.0))  # type: ignore[arg-type]
+    monkeypatch.setattr(long_logs, "LONG", 1000.0 * 8.0 * 2.0 * 5.0 * ROWS_PER_PERIOD * 5.0)
+    assert stretches.are_long is long
+    monkeypatch.setattr(long_logs, "MANY", round(seconds * 10.0) - 1)
+    assert stretches.are_long
