@@ -13,7 +13,7 @@ import pytest
 from adaptctl.arrays import Array
 from adaptctl.control.excitation.motion_limits import MotionLimits
 from adaptctl.description import Joint
-from adaptctl.identification import listed_hypotheses, long_logs
+from adaptctl.identification import delay, listed_hypotheses, long_logs
 from adaptctl.identification.column_names import offer
 from adaptctl.identification.contradictions import poorly_predicted
 from adaptctl.identification.energy_differences import _integral
@@ -201,3 +201,44 @@ def test_logs_are_long_by_the_memory_of_their_rows(seconds: float, long: bool, m
     assert stretches.are_long is long
     monkeypatch.setattr(long_logs, "MANY", round(seconds * 10.0) - 1)
     assert stretches.are_long
+
+
+@pytest.mark.parametrize(("dof", "rows", "most"), [(2, 4000.0, 0.1), (9, 10.0, 400.0 / (8.0 * 19.0))])
+def test_a_long_log_keeps_a_part_of_each_block(
+    dof: int, rows: float, most: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of rows' bytes in a second, or of the samples' where they are more; at most until the next block of its log."""
+    monkeypatch.setattr(long_logs, "KEPT", 1200.0)
+    monkeypatch.setattr(long_logs, "_cut", lambda log, start, stop: log.time[[start, stop - 1]].tolist())
+    monkeypatch.setattr(long_logs, "SmoothMotion", SimpleNamespace(of=lambda part, *_: part))
+    monkeypatch.setattr(long_logs, "replace", lambda part, whole: part)
+    logs = [SimpleNamespace(time=0.01 * np.arange(500), rate=1.0) for _ in range(2)]
+    own: Any = SimpleNamespace(
+        mechanism=SimpleNamespace(dof=dof), logs=logs, _bytes=rows, edges=[(0, 0.0), (0, 0.05), (1, 0.0)], smooth=9.0,
+        _grids=[SimpleNamespace(samples=500)] * 2,
+    )  # fmt: skip
+    expected = [[0.0, 0.05], [0.05, 0.05 + most], [0.0, most]]
+    np.testing.assert_allclose(Stretches.windows(own), expected, atol=0.011)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("value", "errors", "told"),
+    [(0.004, (2.0, 1.0), "earlier"), (-0.004, (2.0, 1.0), "later"), (0.004, (1.0, 1.0), None)],
+)
+def test_a_delay_is_taken_off_where_rows_held_out_are_predicted_better(
+    value: float, errors: tuple[float, float], told: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def evidence(name: str) -> Any:
+        fit = SimpleNamespace(x=name, deviations=np.ones(1))
+        return SimpleNamespace(blocks=2, name=name, advanced=lambda by: evidence(f"{name} {by}"), fit=lambda *_: fit)
+
+    monkeypatch.setattr(delay, "_error", lambda judged, x, deviations: errors[str(value) in judged.name])
+    monkeypatch.setattr(delay, "_settings", lambda *_: None)
+    likely: Any = SimpleNamespace(counts=True, value=value, words="late", outcome="4 ms")
+    found = delay.without_delay(likely, evidence("fitted"), evidence("held"))
+    assert (found.remark is None) == (told is None)
+    assert told is None or f"as much {told} " in str(found.remark)
+    names = [f"fitted {value}", f"held {value}"] if told else ["fitted", "held"]
+    assert [found.evidence.name, found.judged.name] == names  # type: ignore[attr-defined]
+    likely.counts = False
+    assert delay.without_delay(likely, evidence("fitted"), evidence("held")).remark is None
