@@ -65,6 +65,16 @@ ALIKE = {
     "adaptctl/identifiability/proof/exact_geometry.py::_as_in_file 0.0 -> 1.0": (
         "an axis along z has any yaw: its sine of tilt is exactly zero"
     ),
+    "experiments/replication/puma560.py::combination sign(term[:-1]) * (1.0 if mark == '+' else -1.0) -> "
+    "sign(term[:-1]) / (1.0 if mark == '+' else -1.0)": "by one or minus one",
+    "experiments/replication/puma560.py::figure1 max(forms, worst) < 1e-12 -> max(forms, worst) <= 1e-12": (
+        "no difference is its bound to the last bit"
+    ),
+    "experiments/replication/puma560.py::figure3 value > puma[:, s].max() -> value >= puma[:, s].max()": (
+        "no drawn error is a printed number to the last bit"
+    ),
+    "adaptctl/design/simplifications.py::_least_mass short(0.0) * short(places.mass) -> "
+    "short(0.0) / short(places.mass)": "signs alone count",
     "experiments/replication/semi_direct_drive.py::section53 max(len(generic.relations), len(equal.relations)) <= 3 -> "
     "max(len(generic.relations), len(equal.relations)) < 3": "there are ten relations of one arm, and six of the other",
     "adaptctl/tuning/verification.py::measures 0.0 -> 1.0": "a run that is not finite has an infinite error anyway",

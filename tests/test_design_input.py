@@ -210,6 +210,7 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
         lambda: task().cost_matrix(LISTED),
         "objective: expected one of energy, torque, coupling, components",
     ),
+    "cost's objective": (lambda: task().cost("beauty"), "objective: expected one of energy, torque, coupling"),
     "map's mass": (lambda: cost_map(task(), -1.0), "mass: expected a positive number of kg, got -1"),
     "map's nan": (lambda: CostMap(task(), np.nan, "energy"), "mass: expected a positive number of kg, got nan"),
     "map's objective": (lambda: cost_map(task(), 1.0, LISTED), "objective: expected one of energy"),

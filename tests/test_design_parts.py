@@ -18,6 +18,7 @@ from adaptctl.design.added_mass import CostMap
 from adaptctl.design.bodies import _mass, _size
 from adaptctl.design.counterweights import optimal_counterweights
 from adaptctl.design.picture import _moved, colors, norm
+from adaptctl.design.simplifications import Simplification
 from adaptctl.errors import InputError
 from adaptctl.recording.drawing import BODY
 from adaptctl.simulation.effects import Payload
@@ -143,3 +144,10 @@ def test_a_cost_map_is_of_the_change_by_its_own_mass() -> None:
                  x[0] ** 2 + x[1] ** 2]
             )  # fmt: skip
             assert change == pytest.approx(T.cost("energy", D) / T.cost("energy") - 1.0)
+
+
+def test_a_place_on_an_axis_has_no_sign() -> None:
+    made = Simplification(
+        task("semi_direct_drive").basis, "balance", "link2", (), (), np.zeros((0, 0)), (), 1.0, -np.zeros(3)
+    )
+    assert made.description.endswith("at (0.000, 0.000, 0.000) m")

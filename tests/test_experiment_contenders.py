@@ -17,6 +17,7 @@ from adaptctl.experiments.contact import Contact
 from adaptctl.experiments.contest import ADAPTATION_OFF, FULL, Contender
 from adaptctl.experiments.identify_then_adapt import IdentifyThenAdapt, _parameters
 from adaptctl.experiments.laws_controllers import deviations
+from adaptctl.experiments.puma560_adaptive import Puma560Adaptive
 from adaptctl.experiments.replication.closed_loop import ArmOnPath
 from adaptctl.experiments.task_space import TaskSpaceTracking
 from adaptctl.identifiability import FundamentalBasis, ReducedModel, essential_space, fundamental_basis
@@ -101,6 +102,23 @@ def test_estimates_from_a_log_a_file_and_zero_share_a_gain(puma: Mechanism, monk
     of.mechanism()
     assert shares == [0.7, 1.0]
     np.testing.assert_array_equal(_parameters(puma, SMALL), np.zeros(30))
+
+
+@pytest.mark.parametrize(
+    ("of", "names"),
+    [
+        (Contact, ("push",)),
+        (IdentifyThenAdapt, ("center", "amplitude", "frequency")),
+        (Puma560Adaptive, ("damping", "center", "amplitude", "frequency")),
+        (TaskSpaceTracking, ("center", "amplitude", "frequency", "phase")),
+    ],
+)
+def test_settings_have_a_number_for_each_joint_or_axis(of: Any, names: tuple[str, ...]) -> None:
+    for name in names:
+        usual = getattr(of(), name)
+        for given in (usual[1:], (*usual, usual[0])):
+            with pytest.raises(InputError, match=f"^{name}: expected {len(usual)} numbers, .*, got {len(given)}$"):
+                of(**{name: given})
 
 
 def test_errors_from_a_log_and_from_zero_are_of_the_first_two_seconds() -> None:

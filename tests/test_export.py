@@ -230,6 +230,7 @@ def test_vectors_are_what_python_made(tmp_path: Path) -> None:
 
 def test_single_precision_keeps_what_is_finite_finite() -> None:
     number = CNumber("float", {})
+    assert (number.precision, CNumber("double", {}).precision) == ("single", "double")
     assert float.fromhex(number.constant(1e-300).rstrip("f")) > 0.0
     assert float(number.constant(1.7e308).rstrip("f")) == float(np.finfo(np.float32).max)
     assert number.constant(0.1) == f"{float(np.float32(0.1)).hex()}f"

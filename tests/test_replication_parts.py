@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from adaptctl.arrays import Array
 from adaptctl.description.inertia import inertia_tensor
 from adaptctl.dynamics import load
 from adaptctl.experiments.replication.arms import Arm, Study, index
-from adaptctl.experiments.replication.judging import Check, Computation, Item, Outturn, printed
+from adaptctl.experiments.replication.judging import Check, Computation, Item, Outturn, Paper, Printed, Saying, printed
 from adaptctl.experiments.replication.pages import _badge, parts
 from adaptctl.experiments.replication.puma560 import _energies, _medians, figure3, figure4, table6
 from adaptctl.experiments.replication.semi_direct_drive import decoupled, figure6
@@ -71,12 +72,37 @@ def test_a_table_of_a_report_has_the_checks_at_their_rows_and_columns() -> None:
     assert [[getattr(cell, "text", cell) for cell in row] for row in table.rows] == [["a", "x", "x"], ["b", "", "x"]]
 
 
+def test_a_motion_is_a_sinusoid_with_its_own_velocities_and_accelerations() -> None:
+    study = Study(printed(), 0, 2, 62, 1.0, 0.7, 5, 0.1)  # five times, a quarter of a period apart
+    for arm in (study.puma, study.five_bar):
+        motion, rate = arm.motion, 2.0 * np.pi * 0.7
+        off = motion.p[1] - motion.p[0]
+        v, a = rate * np.outer([1, 0, -1, 0, 1], off), -(rate**2) * np.outer([0, 1, 0, -1, 0], off)
+        torques = arm.mechanism.inverse_dynamics(motion.p, v, a)
+        np.testing.assert_allclose(motion.Y @ arm.parameters, torques, atol=1e-9 * np.abs(torques).max())
+
+
+def test_energies_of_an_arm_are_small_where_both_bounds_hold_in_one_draw() -> None:
+    study = Study(printed(), 0, 3, 62, 1.0, 0.7, 11, 0.1)
+    errors = np.full((3, study.five_bar.space.rank + 1), 0.05)
+    errors[1, 11], errors[2, 17] = 0.6, 0.2  # bounded by 0.5 and 0.1 %
+    vars(study.five_bar)["percent_errors"] = errors
+    assert figure3(study).claims["arm_energy"] == pytest.approx(1.0 / 3.0)
+
+
+@pytest.mark.parametrize("kind", [Paper, Printed, Saying])
+def test_what_the_paper_says_is_read_whole_and_never_changed(kind: Any) -> None:
+    assert kind.__struct_config__.forbid_unknown_fields
+    assert kind.__struct_config__.frozen
+
+
 def test_drawn_torques_and_bounds_are_at_numbers_that_the_paper_prints() -> None:
     study, paper = Study(printed(), 0, 2, 62, 1.0, 0.7, 11, 0.1), printed()
     for step, table in ((figure4, "table3"), (figure6, "table10")):
         (axes,) = step(study).drawings[0].draw().axes
         counts = [line.get_label().split()[0] for line in axes.lines[1:]]
         assert len(counts) == 3
+        assert [line.is_dashed() for line in axes.lines] == [False, False, False, True]
         assert set(counts) < set(paper.items[table].columns)
         assert counts[-1] == paper.items[table].columns[-1]
     bounds = re.findall(r"(\d+) components", paper.claims["arm_energy"].quote)

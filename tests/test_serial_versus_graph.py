@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from nightly import nightly
 
 from adaptctl.cli.main import main
 from adaptctl.control import Spline
@@ -94,7 +93,6 @@ def test_splines_are_exact_for_quintics_and_rest_outside() -> None:
         Spline(np.zeros((5, 1)), np.arange(5.0))
 
 
-@nightly
 def test_table_13_and_what_it_costs(arms: dict[str, Any]) -> None:
     serial, graph = arms["serial"], arms["graph"]
     assert [serial[key] for key in ("links", "joints", "actuators", "inertial_parameters")] == [3, 3, 3, 30]
