@@ -15,6 +15,7 @@ from wasm_machine import Machine
 from adaptctl.codegen import builds, live_arm
 from adaptctl.codegen.builds import Build
 from adaptctl.codegen.c_function import CNumber, CStatements, Kind, _side_by_side, most_alive
+from adaptctl.codegen.c_package import title
 from adaptctl.codegen.c_program import CProgram
 from adaptctl.codegen.exporting import Exported, _name
 from adaptctl.codegen.interface import Field, Interface
@@ -122,6 +123,12 @@ def test_code_is_named_for_its_mechanism(mechanism: str, name: str) -> None:
     interface: Any = SimpleNamespace(mechanism=SimpleNamespace(name=mechanism))
     assert _name(interface, None) == name
     assert _name(interface, "b" * 40) == "b" * 40
+
+
+def test_a_name_ends_no_comment_of_the_code() -> None:
+    arm = SimpleNamespace(name="a*/b\n\\ü")
+    named: Any = SimpleNamespace(innermost=LIGHT, guarded=False, mechanism=arm, control_period=1e-3)
+    assert title(named) == "ComputedTorque for a  b  ü, every 0.001 s"
 
 
 def test_a_number_of_a_field_has_its_place_and_label() -> None:
