@@ -122,7 +122,7 @@ def test_an_interrupt_waits_for_all_threads() -> None:
     arms, steps = compile_step(count, state={"n": 1}).ensemble(1024), 2_000_000
     before, running = signal.signal(signal.SIGALRM, signal.default_int_handler), threading.active_count()
     try:
-        with signalled("_Work.take", signal.SIGALRM, after=0.001), pytest.raises(KeyboardInterrupt):
+        with signalled("_Work.take", signal.SIGALRM, after=0.05), pytest.raises(KeyboardInterrupt):
             arms.run(steps, threads=2)
     finally:
         signal.signal(signal.SIGALRM, before)
