@@ -21,12 +21,9 @@ from adaptctl.description import GROUND
 from adaptctl.description.pose import Pose
 from adaptctl.description.visual import Box, Visual
 from adaptctl.dynamics import Mechanism, load
-from adaptctl.recording import views
-from adaptctl.recording.drawing import GOAL, run_color
 from adaptctl.recording.live import is_file
-from adaptctl.recording.scene import WORLD, log_arm, log_base, log_surroundings, log_trail
-from adaptctl.recording.skeleton import Skeleton, Viewpoint, floor_height, skeleton
-from adaptctl.recording.stream import Curves, log_curves, of_joints
+from adaptctl.recording.motion_recording import draw, started
+from adaptctl.recording.scene import log_surroundings
 
 # Time in s of samples that are drawn together, for a viewer and for a file: rerun keeps an entry in memory, for the
 # file's index, of all that was written together.
@@ -92,35 +89,6 @@ class _Rows:
             if len(data) == self._width * np.dtype(np.float64).itemsize:
                 rows.append(np.frombuffer(data))
         return np.stack(rows) if rows else None
-
-
-def started(mechanism: Mechanism, url: str, first: Array) -> tuple[rr.RecordingStream, Skeleton]:
-    """Recording at a place, laid out for an arm that moves as its first samples say, and the arm's shapes."""
-    recording = rr.RecordingStream("adaptctl-live", make_default=False)
-    recording.save(url) if is_file(url) else recording.connect_grpc(url)
-    parts, r = skeleton(mechanism), mechanism.dof
-    around = np.concatenate((first[:, 1 : 1 + r], first[:, 1 + r : 1 + 2 * r]))
-    names = [("/error", "Tracking error [mrad or mm]"), ("/torque", "Torque [N·m or N]"), ("/position", "Position")]
-    arm = views.arm(WORLD, "The arm · desired: green ghost", Viewpoint.of(mechanism, parts, around))
-    recording.send_blueprint(views.live(arm, [views.curves(origin, name, None) for origin, name in names]))
-    recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    recording.send_recording_name(f"{mechanism.name}, live")
-    log_base(recording, mechanism, parts, floor_height(mechanism, parts, around))
-    return recording, parts
-
-
-def draw(recording: rr.RecordingStream, mechanism: Mechanism, parts: Skeleton, rows: Array) -> None:
-    """Draw samples (k, 1 + 3 r)."""
-    r, times = mechanism.dof, rows[:, 0]
-    p, desired, torque = (rows[:, 1 + k * r : 1 + (k + 1) * r] for k in range(3))
-    tip = log_arm(recording, "arm", mechanism, parts, times, p, run_color(0))
-    log_arm(recording, "desired", mechanism, parts, times, desired, GOAL, ghost=True)
-    log_trail(recording, "trail/arm", times, tip, run_color(0))
-    names = [joint.name for joint in mechanism.primary_joints]
-    kinds = {"error": 1e3 * (p - desired), "torque": torque, "position/actual": p}
-    log_curves(recording, (of_joints(path, times, values, names) for path, values in kinds.items()))
-    pale = Curves("position/desired", times, desired, [f"{name} desired" for name in names], [GOAL] * r, 1.0)
-    log_curves(recording, [pale])
 
 
 if __name__ == "__main__":

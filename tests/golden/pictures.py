@@ -360,7 +360,8 @@ def design() -> tuple[Any, list[Any]]:
 
 def live(path: Path) -> None:
     from adaptctl import load
-    from adaptctl.recording.live_process import _end, draw, started
+    from adaptctl.recording.live_process import _end
+    from adaptctl.recording.motion_recording import draw, started
 
     mechanism, time = load("two_link"), np.linspace(0.0, 1.0, 6)
     rows = np.column_stack(
