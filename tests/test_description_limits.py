@@ -89,6 +89,16 @@ def test_a_scene_has_so_many_bodies_shapes_and_moving_links(
             _validate_few(root)
 
 
+def scanned(path: Path, element: str, why: str | None) -> None:
+    """An element of a body is read, or refused for a reason."""
+    path.write_text(f"<mujoco><worldbody><body>{element}</body></worldbody></mujoco>")
+    if why is None:
+        assert ScannedFile.of(path).root.tag == "mujoco"
+    else:
+        with pytest.raises(InputError, match=why):
+            ScannedFile.of(path)
+
+
 @pytest.mark.parametrize(
     ("attribute", "fits"),
     [
@@ -97,13 +107,7 @@ def test_a_scene_has_so_many_bodies_shapes_and_moving_links(
     ],
 )  # fmt: skip
 def test_attributes_of_mjcf_have_numbers_of_their_own_count(attribute: str, fits: bool, tmp_path: Path) -> None:
-    path = tmp_path / "a.xml"
-    path.write_text(f"<mujoco><worldbody><body><geom {attribute}/></body></worldbody></mujoco>")
-    if fits:
-        assert ScannedFile.of(path).root.tag == "mujoco"
-    else:
-        with pytest.raises(InputError, match=r"expected|must not be negative"):
-            ScannedFile.of(path)
+    scanned(tmp_path / "a.xml", f"<geom {attribute}/>", None if fits else r"expected|must not be negative")
 
 
 @pytest.mark.parametrize(
@@ -114,13 +118,7 @@ def test_attributes_of_mjcf_have_numbers_of_their_own_count(attribute: str, fits
     ],
 )  # fmt: skip
 def test_ranges_of_mjcf_rise(limits: str, fits: bool, tmp_path: Path) -> None:
-    path = tmp_path / "a.xml"
-    path.write_text(f"<mujoco><worldbody><body><joint {limits}/></body></worldbody></mujoco>")
-    if fits:
-        assert ScannedFile.of(path).root.tag == "mujoco"
-    else:
-        with pytest.raises(InputError, match="expected lower < upper"):
-            ScannedFile.of(path)
+    scanned(tmp_path / "a.xml", f"<joint {limits}/>", None if fits else "expected lower < upper")
 
 
 def test_a_scene_is_of_a_hundred_files(tmp_path: Path) -> None:
