@@ -114,9 +114,9 @@ def block_edges(log: NDArray[np.int64], time: Array, count: int) -> list[tuple[i
 
 
 def blocks_of(rows: Rows, edges: Sequence[tuple[int, float]]) -> NDArray[np.int64]:
-    """Indices (n,) of the blocks that rows belong to, by their edges."""
-    keys = np.array(edges)
-    found = np.zeros(len(rows), dtype=np.int64)
-    for b, (log, time) in enumerate(keys.tolist()):
-        found[(rows.log > log) | ((rows.log == log) & (rows.time >= time))] = b
+    """Indices (n,) of the blocks that rows belong to, by their edges: a log's first has all rows before its second."""
+    found, before = np.zeros(len(rows), dtype=np.int64), -1
+    for b, (log, time) in enumerate(edges):
+        begun = rows.time >= time if log == before else True
+        found[(rows.log > log) | ((rows.log == log) & begun)], before = b, log
     return found
