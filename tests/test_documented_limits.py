@@ -128,7 +128,7 @@ STATED = [
     ("identification", f"between its numbers at most {text.MAX_SPACED / 2**30:g} GiB"),
     ("identification", f"a data set of LeRobot {lerobot.MAX_FILES:,} files"),
     ("identification", f"at most {percent(choice.MAX_MISFIT_RATIO - 1.0)} over that of least squares"),
-    ("identification", f"the last {percent(HELD_OUT_SHARE)} of the others"),
+    ("identification", f"the last {percent(HELD_OUT_SHARE)} of each of the others"),
     ("identification", f"a window in each of {choice.NUM_BLOCKS} blocks"),
     ("identification", f"rows take more than {long_logs.LONG / 2**20:g} MB"),
     ("identification", f"at least {choice.MIN_CUTOFF:.0f} Hz. Cut-offs"),

@@ -18,6 +18,7 @@ from adaptctl.identification.contradictions import forced
 from adaptctl.identification.energy_differences import _integral
 from adaptctl.identification.fit import FitSettings
 from adaptctl.identification.friction_model import FrictionModel
+from adaptctl.identification.held_out import late_blocks
 from adaptctl.identification.hypotheses import LogMeaning, TriedHypothesis, _alike, validate_meaning
 from adaptctl.identification.hypothesis_rows import _each_joint, relative_error
 from adaptctl.identification.least_squares import _regressed, each_weighted, least_squares, weighted_least_squares
@@ -101,10 +102,24 @@ def test_blocks_are_of_equally_many_rows_and_end_with_logs() -> None:
     log, time = np.repeat([0, 1], [70, 30]), np.r_[0.1 * np.arange(70), 0.1 * np.arange(30)]
     edges = block_edges(log, time, 4)
     assert edges == [(0, 0.0), (0, pytest.approx(2.5)), (0, pytest.approx(5.0)), (1, 0.0), (1, pytest.approx(0.5))]
-    rows: Any = type("Rows", (), {"log": log, "time": time, "__len__": lambda self: 100})()
+    rows: Any = type("Rows", (), {"log": log, "time": time - 0.01, "__len__": lambda self: 100})()
     found = blocks_of(rows, edges)
-    assert np.bincount(found).tolist() == [25, 25, 20, 5, 25]
+    assert np.bincount(found).tolist() == [26, 25, 19, 6, 24]
     assert (np.diff(found) >= 0).all()
+
+
+@pytest.mark.parametrize(
+    ("blocks", "late"),
+    [
+        ("a" * 5, [3, 4]),
+        ("a" * 5 + "b" * 10, [3, 4, 11, 12, 13, 14]),
+        ("abcde", [3, 4]),
+    ],
+)
+def test_the_last_part_of_each_log_is_held_out(blocks: str, late: list[int]) -> None:
+    motions = [SimpleNamespace(number=k, log=SimpleNamespace(source=source)) for k, source in enumerate(blocks)]
+    evidence: Any = SimpleNamespace(motions=motions, edges=[(k, 0.0) for k in range(len(blocks))])
+    assert late_blocks(evidence, 0.4) == late
 
 
 def test_a_first_stage_is_the_projection_on_the_instruments() -> None:

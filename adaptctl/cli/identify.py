@@ -69,7 +69,7 @@ def identify(
     drives : Path
         TOML file with the transmission, and the columns of each motor.
     validate : list of Path
-        Validation logs. Default: the last 40 % of the others.
+        Validation logs. Default: the last 40 % of each log.
     columns : list of str
         Columns, such as position=q{} torque=tau_{joint}; {} is a number from 1, {0} from 0. Or numbers of columns from
         1, such as time=1 position=2-4 torque=5-7.

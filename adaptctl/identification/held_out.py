@@ -68,3 +68,11 @@ def _predicted(
     found = part.filtered_regressors(balance, filters)
     for f, k, packed, (cutoff, own) in zip(filters, first, found, times.items(), strict=True):
         yield cutoff, packed.torques(np.ones(1))[k - skipped // f.every :][: len(own)]
+
+
+def late_blocks(evidence: LogEvidence, share: float) -> list[int]:
+    """Blocks of the last share of each log; whole logs, the last ones, where each is one block."""
+    sources = {motion.number: motion.log.source for motion in evidence.motions}
+    own = [sources[number] for number, _ in evidence.edges]
+    place = [(own[:b].count(source) + 0.5) / own.count(source) for b, source in enumerate(own)]
+    return sorted(np.argsort(place, kind="stable")[round((1.0 - share) * len(own)) :].tolist())

@@ -30,7 +30,7 @@ from adaptctl.identification.drives_file import Drives, read_drives
 from adaptctl.identification.fit import Fit, LogEvidence
 from adaptctl.identification.friction_model import FrictionModel, unmoved_terms
 from adaptctl.identification.gathering import gathered
-from adaptctl.identification.held_out import HeldOut
+from adaptctl.identification.held_out import HeldOut, late_blocks
 from adaptctl.identification.hypotheses import compared_hypotheses, validate_meaning
 from adaptctl.identification.identification import Identification
 from adaptctl.identification.instruments import without_position_noise
@@ -64,7 +64,7 @@ from adaptctl.identification.validation import alternatives, validate_plausible
 from adaptctl.logs.arrow import forget
 from adaptctl.stages import stage
 
-# Share of the blocks, from the end, that is held out where no log for validation is given.
+# Share of each log's blocks, from the end, that is held out where no log for validation is given.
 HELD_OUT_SHARE = 0.4
 
 
@@ -103,7 +103,7 @@ def identify(
     drives : Drives, str or pathlib.Path, optional
         Transmission between motors and joints, or its file. Default: none, for logs of joint positions and torques.
     validate : str, pathlib.Path or sequence of them, optional
-        Logs to validate on. Default: the last 40 % of `logs`, which then play no part in the fit.
+        Logs to validate on. Default: the last 40 % of each of `logs`, which then plays no part in the fit.
     columns : mapping of str to str, optional
         Patterns of column names by "position", "torque", "velocity" and "time": `{joint}` is a joint's name, `{}` its
         number from 1, `{0}` from 0. Default: usual patterns are tried.
@@ -275,7 +275,7 @@ def _of_checked(
     measured, steps, remarks = gathered(mechanism, drives, train, skip_steps, cutoff)
     still = still_joints(train, mechanism)
     evidence, noisy = without_position_noise(measured, cutoff or measured.band, instrumental_variables)
-    late = [] if test else list(range(round((1.0 - HELD_OUT_SHARE) * evidence.blocks), evidence.blocks))
+    late = [] if test else late_blocks(evidence, HELD_OUT_SHARE)
     training = evidence.part([b for b in range(evidence.blocks) if b not in late])
     cutoffs = (judged_at(training), min(judged_at(training), evidence.band))
     if late:
@@ -291,7 +291,7 @@ def _of_checked(
     choice = choose(training, friction, prior_weight, cutoff, unmoved_terms(training.mechanism, still))
     with stage("fitting links and friction"):
         fit = training.fit(choice.settings, range(training.blocks))
-    origin = "the last 40 % of the logs" if late else ", ".join(log.source for log in test)
+    origin = f"the last 40 % of {'each' if train[1:] else 'the'} log" if late else ", ".join(log.source for log in test)
     held_out = HeldOut(judged, origin, *cutoffs, choice.settings.left_out)
     read = dict.fromkeys(note for log in (*train, *test) for note in log.notes)
     doubts = () if is_answered(meaning, choice.settings.friction, bool(late_torques)) else doubts
