@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pinocchio
 import pytest
 from robot_files import urdf
+from scipy.spatial.transform import Rotation
 
-from adaptctl.description import Description, read, read_urdf, with_floating_base
+from adaptctl.description import Description, Pose, read, read_urdf, with_floating_base
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.dynamics.recursion.kinematics import link_poses
 from adaptctl.errors import FileError, InputError
@@ -124,3 +126,13 @@ def test_an_arm_on_a_floating_body_keeps_its_loops() -> None:
     p = np.array([0.1, 0.2, 0.3, 0.4, -0.5, 0.6, 0.2, -1.4, -3.0])
     np.testing.assert_allclose(whole.configuration(p)[6:], Mechanism(arm).configuration(p[6:]), atol=1e-12)
     assert essential_space(whole).rank > essential_space(Mechanism(arm)).rank
+
+
+def test_base_parameters_of_a_calibrated_arm_are_of_ordinary_size() -> None:
+    """Joints turned by mrad, as a calibration writes them: what nearly depends is not divided by."""
+    arm, rng = load(found("xarm7.urdf")).description, np.random.default_rng(2)
+    turns = [Pose(Rotation.from_rotvec(3e-3 * rng.standard_normal(3)).as_matrix(), np.zeros(3)) for _ in arm.links]
+    links = [replace(x, parent_to_joint=x.parent_to_joint @ turn) for x, turn in zip(arm.links, turns, strict=True)]
+    basis = fundamental_basis(essential_space(Mechanism(replace(arm, links=tuple(links))), as_written=True))
+    assert basis.rank == 45
+    assert np.abs(basis.regrouping).max() < 2.0

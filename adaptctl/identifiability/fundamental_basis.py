@@ -22,7 +22,7 @@ from adaptctl.identifiability.regrouping import TOLERANCE, condition, regrouping
 from adaptctl.markup import table, titled
 
 # Tolerance of the default priority where that of the others leaves nearly dependent parameters.
-WIDER_TOLERANCE = 1e-2
+WIDER_TOLERANCE = 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -289,7 +289,7 @@ def fundamental_basis(
         Threshold, without unit, for the independence of a parameter's row of `EssentialSpace.scaled_null_basis` from
         the rows of parameters removed before; above 0 and below 1/sqrt(P). Robots have values above 0.1 or below 1e-4.
         A proof replaces it up to 1e-3: the order is then followed exactly. Where parameters that are removed by default
-        are nearly dependent, as of axes that are nearly parallel, it is 1e-2.
+        are nearly dependent (a condition number above 100), as of axes that are nearly parallel, it is 0.03.
     prove : bool, default False
         If true, the choice must also be made in exact arithmetic. By default this is done where the space has a proof.
 
@@ -317,7 +317,8 @@ def fundamental_basis(
     validate_kind(space, EssentialSpace, "fundamental_basis", "as essential_space(mechanism) gives one")
     order, usual = (or_default(given).indices(space.parameter_names) for given in (priority, None))
     inputs = [space.search.inputs, [int(j) for j in order], repr(tolerance), bool(prove)]
-    wider = WIDER_TOLERANCE if tolerance == TOLERANCE and list(order) == list(usual) else None
+    most = 0.5 / np.sqrt(len(order))  # with half of the largest rows that may be left, a choice always ends
+    wider = min(WIDER_TOLERANCE, most) if tolerance == TOLERANCE and list(order) == list(usual) else None
     chosen = object_cache.kept(
         "fundamental basis", inputs, ChosenColumns, lambda: chosen_columns(space, order, tolerance, prove, wider)
     )

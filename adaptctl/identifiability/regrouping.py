@@ -30,8 +30,9 @@ WHOLE_NUMBER_TOLERANCE = 1e-13
 MAX_CONDITION = 1e4
 # The same where exact arithmetic says that they are independent: torques keep seven digits.
 MAX_EXACT_CONDITION = 1e8
-# The same of an order that nobody asked for. Rounded right angles make 5e5 (Sheu and Walker 1991).
-MAX_DEFAULT_CONDITION = 1e5
+# The same of an order that nobody asked for. Robots have at most 40; angles 3 mrad off right ones make 1e3, and the
+# diagonal of a mapped gain up to 1e6 times what the gain is.
+MAX_DEFAULT_CONDITION = 1e2
 # Largest bound of that condition at which Cholesky's factor does not drown in round-off.
 MAX_CONDITION_BOUND = 1e7
 # Size below which coefficients are left out: they come from right angles that a file gives to nine digits.
