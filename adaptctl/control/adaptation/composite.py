@@ -46,10 +46,11 @@ class TorqueFilter:
     def start(self, model: ReducedModel, q: Array | Column, v: Array | Column) -> Filtered:
         """Initial state, with zero output."""
         momentum, forces = momentum_terms(model.mechanism.equations, column(q), column(v), model.columns)
+        _, new, _ = self._weights
         kept: list[Any] = []
         for row, change, places in zip(momentum, forces, momentum_columns(model), strict=True):
             scaled = self.cutoff * row
-            first = scaled - self._new * (scaled + change)
+            first = scaled - new * (scaled + change)
             kept += [first[j] for j in places]
         first_rows = Column(kept) if isinstance(q, Column) else stacked(kept, q.shape[:-1])
         return Filtered(first_rows, np.zeros(model.mechanism.dof))
@@ -57,31 +58,23 @@ class TorqueFilter:
     def predicted(self, model: ReducedModel, period: Period, memory: Filtered, v_f: Column | None = None) -> Prediction:
         """Prediction at the end of a control period, with friction at v_f, or at the velocities."""
         momentum, forces = momentum_terms(model.mechanism.equations, period.q, period.v, model.columns, v_f)
-        k, keep, last = len(model.columns), self._keep, iter(memory.regressor)
+        k, (keep, new, old), last = len(model.columns), self._weights, iter(memory.regressor)
         rows: list[Column] = []
         before: list[Any] = []
         for row, change, places in zip(momentum, forces, momentum_columns(model), strict=True):
             scaled = self.cutoff * row
             now = scaled + change
-            filtered = spread(Column(next(last) + self._new * now[j] for j in places), places, k)
+            filtered = spread(Column(next(last) + new * now[j] for j in places), places, k)
             rows.append(scaled - filtered)
-            before += [keep * filtered[j] + self._old * now[j] for j in places]
+            before += [keep * filtered[j] + old * now[j] for j in places]
         torque = keep * memory.torque + (1.0 - keep) * period.torque
         return Prediction(rows, torque, Filtered(Column(before), torque))
 
     @property
-    def _keep(self) -> Any:
-        return decayed(self.cutoff * self.control_period)[0]
-
-    @property
-    def _new(self) -> Any:
-        """Weight of a linear input's value at the end."""
-        return 1.0 - decayed(self.cutoff * self.control_period)[1]
-
-    @property
-    def _old(self) -> Any:
-        """Weight of its value at the start."""
-        return 1.0 - self._keep - self._new
+    def _weights(self) -> tuple[Any, Any, Any]:
+        """Weights of what was, and of a linear input's values at the end and at the start."""
+        keep, mean = decayed(self.cutoff * self.control_period)
+        return keep, 1.0 - mean, 1.0 - keep - (1.0 - mean)
 
 
 def decayed(x: Any) -> tuple[Any, Any]:
