@@ -61,8 +61,7 @@ class FunctionBody:
         if expression.op is CALL:
             self._call(expression, expression.detail, arguments(expression))
         elif self._place(expression) is None:
-            self._evaluate(f"%x{expression.index}", expression.op, [self._operand(y) for y in expression.operands])
-            self._latest[expression.index] = f"%x{expression.index}", self._now
+            self._latest[expression.index] = self._evaluated(expression), self._now
 
     def store(self, pointer: str, k: int, value: Expression | float) -> None:
         """Append instructions that write a value into memory at index `k`."""
@@ -80,20 +79,19 @@ class FunctionBody:
             for k, x in known.items():
                 self.store(f"%out{part}", k, x)
 
-    def _evaluate(self, x: str, op: Op, operands: Sequence[str]) -> None:
-        value = self._lanes.value
+    def _evaluated(self, x: Expression) -> str:
+        value, op, operands = self._lanes.value, x.op, [self._operand(y) for y in x.operands]
         if op in ARITHMETIC:
-            self._text.add(f"{x} = {ARITHMETIC[op]} contract {value} {', '.join(operands)}")
-        elif op is NEGATE:
-            self._text.add(f"{x} = fneg {value} {operands[0]}")
-        elif op is Op.SELECT:
+            return self._text.new(f"{ARITHMETIC[op]} contract {value} {', '.join(operands)}")
+        if op is NEGATE:
+            return self._text.new(f"fneg {value} {operands[0]}")
+        if op is Op.SELECT:
             chosen, yes, no = operands
-            self._text.add(f"{x} = select {self._lanes.condition} {chosen}, {value} {yes}, {value} {no}")
-        elif op in _COMPARISONS:
-            self._text.add(f"{x} = fcmp {_COMPARISONS[op]} {value} {', '.join(operands)}")
-        else:  # `nsz`: of two zeros, either may be the smaller
-            arguments = ", ".join(f"{value} {y}" for y in operands)
-            self._text.add(f"{x} = call nsz {value} @llvm.{_INTRINSICS[op]}.{self._lanes.suffix}({arguments})")
+            return self._text.new(f"select {self._lanes.condition} {chosen}, {value} {yes}, {value} {no}")
+        if op in _COMPARISONS:
+            return self._text.new(f"fcmp {_COMPARISONS[op]} {value} {', '.join(operands)}")
+        arguments = ", ".join(f"{value} {y}" for y in operands)  # `nsz`: of two zeros, either may be the smaller
+        return self._text.new(f"call nsz {value} @llvm.{_INTRINSICS[op]}.{self._lanes.suffix}({arguments})")
 
     def _operand(self, x: Expression | float) -> str:
         """Name of a value."""
@@ -104,10 +102,9 @@ class FunctionBody:
             place = self._place(x) or self._stored.get(x.index)
             if place is not None:
                 load = self._text.broadcast if self._is_uniform(x) else self._text.load
-                name = load(f"%x{x.index}.{self._now}", *place)
+                name = load(*place)
             elif name and self._is_cheap(x):
-                name = f"%x{x.index}.{self._now}"
-                self._evaluate(name, x.op, [self._operand(y) for y in x.operands])
+                name = self._evaluated(x)
         self._latest[x.index] = name, self._now
         return name
 

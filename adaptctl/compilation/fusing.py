@@ -59,8 +59,9 @@ class _Block:
         at, *factors = self.products.pop(product)
         terms, lines = [*factors, other], []
         for i in minus:
-            lines.append(f"{name}.minus{i} = fneg {kind} {terms[i]}")
-            terms[i] = f"{name}.minus{i}"
+            negated = f"%minus{i}.{name[1:]}"
+            lines.append(f"{negated} = fneg {kind} {terms[i]}")
+            terms[i] = negated
         arguments = ", ".join(f"{kind} {x}" for x in terms)
         lines.append(f"{name} = call {kind} @llvm.fmuladd.{_SUFFIXES[kind]}({arguments})")
         self.lines[at], self.lines[k] = "", "\n".join(lines)

@@ -137,11 +137,7 @@ class SinesAtOnce:
         text, lanes, any_far = self._text, self._text.lanes, ""
         for k, x in enumerate(group.numbers):
             name = f"{group.pairs}.of{k}"
-            given = [
-                text.load(f"{name}.known{i}", pointer, first + i)
-                for pointer, first in group.known[k : k + 1]
-                for i in (0, 1)
-            ]
+            given = [text.load(pointer, first + i) for pointer, first in group.known[k : k + 1] for i in (0, 1)]
             for part, value in enumerate(self._computed(name, [x, *given], lanes)):
                 text.store(group.pairs, 2 * k + part, value)
             any_far = self._beyond(name, x, lanes, bool(given), any_far)
