@@ -181,6 +181,7 @@ def test_a_recording_shows_the_log_from_the_first_of_its_torques(
         assert drawn.colors == (MUTED, joint_color(j))
 
 
+@nightly
 def test_the_comparison_shows_it_on_a_real_log(tmp_path: Path) -> None:
     with example("tx40") as files:
         result = compared_estimators(files.log, files.robot, files.drives)
