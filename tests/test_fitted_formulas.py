@@ -18,9 +18,11 @@ from adaptctl.identification.choice import _near, _worse_by
 from adaptctl.identification.entropic import prior_links
 from adaptctl.identification.filtered_dynamics import COLUMNS, Rows, SmoothMotion
 from adaptctl.identification.hypothesis_rows import _thinned
+from adaptctl.identification.least_squares import each_weighted
 from adaptctl.identification.listed_hypotheses import _mixing, _own_unit, _scales
 from adaptctl.identification.loaded_fit import _covariance
 from adaptctl.identification.momentum_balance import DIFFERENCE_MARGIN, _balance
+from adaptctl.identification.normal_equations import NormalEquations
 from adaptctl.identification.uncertainty import _blocks
 from adaptctl.identification.validation import _is_needed
 from adaptctl.identification.written import _two_terms
@@ -250,3 +252,37 @@ def test_friction_of_two_terms_is_written_as_it_is() -> None:
     assert found[0] == pytest.approx((2.0, 3.0), abs=1e-3)
     assert found[1] == (None, None)
     assert found[2] == pytest.approx((0.5, 1.0), abs=1e-3)
+
+
+def reweighted(Y: Array, torque: Array, used: Array) -> tuple[Array, Array]:
+    """Three rounds of least squares on rows over deviations, which are first the torques' own, at least a millionth."""
+    rms = np.sqrt(np.sum(torque**2 * used, axis=0) / np.maximum(used.sum(axis=0), 1))
+    first = np.where(rms > 0.0, rms, max(rms.max(), 1.0))
+    deviations = first
+    for _ in range(3):
+        weight = used / deviations
+        x = np.linalg.lstsq((Y * weight[..., None]).reshape(-1, Y.shape[-1]), (torque * weight).ravel())[0]
+        left = (torque - Y @ x) ** 2 * used
+        deviations = np.maximum(np.sqrt(left.sum(axis=0) / np.maximum(used.sum(axis=0), 1)), 1e-6 * first)
+    return x, deviations
+
+
+def test_joints_are_weighted_anew_by_what_least_squares_leaves_of_their_torques() -> None:
+    """In blocks: of much noise, torques of zero, none at all, a single row, and torques that are explained."""
+    own, Y = np.random.default_rng(5), np.random.default_rng(4).normal(size=(5, 40, 2, 4))
+    torque, used = Y @ [0.3, -0.2, 0.0, 0.1] + own.normal(size=(5, 40, 2)) * [0.02, 0.2], np.ones((5, 40, 2))
+    torque[1, :, 1], used[2, :, 1], used[3, 1:, 1] = 0.0, 0.0, 0.0
+    torque[4] = Y[4] @ [0.3, -0.2, 0.0, 0.1]
+    weighted, columns = Y * used[..., None], np.array([3, 0, 1])
+    equations = NormalEquations(
+        np.einsum("bnji,bnjk->bjik", weighted, Y),
+        np.einsum("bnji,bnj->bji", weighted, torque),
+        np.sum(torque**2 * used, axis=1),
+        used.sum(axis=1),
+    )
+    x, deviations = each_weighted(equations, columns)
+    for b in range(5):
+        expected, spread = reweighted(Y[b][..., columns], torque[b], used[b])
+        np.testing.assert_allclose(x[b, columns], expected, rtol=1e-5)
+        np.testing.assert_allclose(deviations[b], spread, rtol=1e-4)
+    assert not x[:, 2].any()

@@ -12,6 +12,7 @@ from adaptctl.description import Joint, Limits
 from adaptctl.identification import choice, listed_hypotheses
 from adaptctl.identification.choice import _Selection
 from adaptctl.identification.entropic import EntropicPrior
+from adaptctl.identification.exchanged_columns import are_velocities
 from adaptctl.identification.fit import LogEvidence
 from adaptctl.identification.hypothesis_rows import HypothesisRows
 from adaptctl.identification.listed_hypotheses import _gravities
@@ -114,3 +115,19 @@ def test_heavier_priors_than_those_near_the_best_are_tried_at_last(monkeypatch: 
     evidence: Any = SimpleNamespace(blocks=2, fits=lambda settings, parts: [None])
     assert _Selection(evidence, []).weighted(tried).weight == 5.0
     assert asked == [[0.0, 1.0, 2.0], [2.0, 3.0, 4.0, 5.0]]
+
+
+@pytest.mark.parametrize(
+    ("speed", "drift", "told"), [(2.0, 0.99, True), (-2.0, -0.99, True), (2.001, 0.99, False), (2.0, 1.01, False)]
+)
+def test_velocities_are_within_their_limits_and_lead_to_positions_that_are(
+    speed: float, drift: float, told: bool
+) -> None:
+    """Of all joints in all logs: 2 rad/s, and a range of 1 rad from wherever a log begins."""
+    joints = [Joint(name, limits=Limits(3.0, 4.0, velocity=2.0)) for name in "ab"]
+    time = 0.1 * np.arange(11)
+    still = np.zeros((11, 2))
+    moving = still.copy()
+    moving[:, 1] = drift
+    moving[4:8, 0] = speed, -speed, -speed, speed
+    assert are_velocities([(time, still), (time, moving)], joints) == told
