@@ -23,12 +23,24 @@ from adaptctl.hardware.drive import MAX_ERROR, TOUCH_FORCE
 from adaptctl.identifiability import certificate
 from adaptctl.identification import (
     choice,
+    complete_rows,
+    contradictions,
     delay,
+    estimator_comparison,
+    filtered_dynamics,
+    gathering,
+    hypotheses,
+    hypothesis_rows,
     instruments,
+    late_stamps,
+    listed_hypotheses,
+    log_checks,
     long_logs,
     noise_choice,
     position_noise,
     report,
+    springs,
+    time_scale,
     torque_constants,
     uncertainty,
 )
@@ -61,6 +73,22 @@ def percent(share: float) -> str:
 def any_of(values: tuple[float, ...]) -> str:
     *most, last = (f"{value:g}" for value in values)
     return f"{', '.join(most)} or {last}"
+
+
+COUNTED = ["zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten"]
+PARTS = {"a quarter": 0.25, "a fifth": 0.2, "a tenth": 0.1}
+
+
+def counted(value: float) -> str:
+    """A small whole number in words."""
+    assert value == round(value)
+    return COUNTED[round(value)]
+
+
+def part(share: float) -> str:
+    """A share in words."""
+    (found,) = (words for words, own in PARTS.items() if abs(own - share) < 1e-12)
+    return found
 
 
 STATED = [
@@ -147,6 +175,36 @@ STATED = [
     ("identification", f"at least {1e3 * delay.LEAST_DELAY:.0f} ms and"),
     ("identification", f"a centre with one of {100.0 * torque_constants.MAX_CENTER_DEVIATION:.0f} cm"),
     ("identification", f"the same filter of {choice.COMPARISON_CUTOFF:.0f} Hz"),
+    ("identification", f"numbers at most {complete_rows.MAX_BRIDGED_PERIODS:.0f} periods apart"),
+    ("identification", f"(a mass with a deviation of {part(torque_constants.MAX_DEVIATION)},"),
+    ("identification", f"are {counted(1.0 / late_stamps.MAX_ROUGHNESS)} times smoother without"),
+    ("identification", f"{counted(gathering.BAND_CUTOFF_RATIO)} times the frequency below which"),
+    ("identification", f"below which {percent(filtered_dynamics.BAND_SHARE)} of the square"),
+    ("identification", "Cut-offs of {}, {} and {} times the band".format(*map(counted, choice.CUTOFF_RATIOS))),
+    ("identification", f"smoothed at {gathering.MIN_MOTION_CUTOFF:.0f} to"),
+    ("identification", f"a standard error over {counted(choice.NUM_FOLDS)} groups of blocks"),
+    ("identification", f"are exceeded by {percent(choice.OTHER_ROBOT_RATIO - 1.0)} even so"),
+    ("identification", f"deviations over {counted(uncertainty.NEARLY_TOLD)} times as large"),
+    ("identification", f"whose error is within {percent(hypotheses.ALIKE - 1.0)} of its own"),
+    ("identification", f"asks as much of {counted(hypotheses.JOINTS)} joints' errors"),
+    ("identification", f"by a jackknife of {counted(time_scale.BLOCKS)} blocks"),
+    (
+        "identification",
+        f"that is {counted(time_scale.SURE)} deviations and {part(time_scale.LEAST_SCALE - 1.0)} from 1",
+    ),
+    ("identification", f"refused above {listed_hypotheses.SMALL_ANGLE} rad ({listed_hypotheses.SMALL_SHIFT} m)"),
+    ("identification", f"scale of a torque, beyond a factor of {listed_hypotheses.LEAST_SCALE:.0f} |"),
+    ("identification", f"within {100.0 * log_checks.DEAD_SHARE:g} % of the largest joint's range"),
+    ("identification", f"or others for up to {log_checks.LONGEST_RUN} rows"),
+    ("identification", f"leaves more than {percent(contradictions.POOR)} of the torques"),
+    ("identification", f"With less than {gathering.SHORT_DURATION:.0f} s of motion"),
+    ("identification", f"all slopes are below {1.0 / hypothesis_rows.OTHER_SIDE} and alike"),
+    ("identification", f"links need {part(hypothesis_rows.LARGE)} or more of the largest torque"),
+    ("identification", f"up to {counted(delay.MOST_PERIODS)} periods of the motion's band"),
+    ("identification", f"is more than {counted(delay.SURE)} deviations away"),
+    ("identification", f"and {part(delay.LEAST_PERIODS)} of a sampling period"),
+    ("identification", f"up to {part(springs.MAX_TORQUE_SHARE)} of the joint's torque"),
+    ("identification", f"torques on its last {percent(estimator_comparison.HELD_OUT_SHARE)}"),
     ("tuning", f"initial error $e_j$ ({feasible_gains.MAX_INITIAL_ERROR} rad or m"),
     ("tuning", rf"${feasible_gains.ACCELERATION_SHARE}\,\tau_j / M_{{jj}}$"),
     ("tuning", rf"$K_j \le {feasible_gains.DAMPING_TORQUE_SHARE}\,\tau_j"),

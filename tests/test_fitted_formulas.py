@@ -57,7 +57,10 @@ def test_changed_torque_columns_are_other_torques_of_the_joints() -> None:
         ((0.0, 0.9), 1.0, ["rev"]),
         ((0.0, 0.19), 1.0, ["rev"]),
         ((0.0, 0.02), 1.0, []),
+        ((0.0, 699.0), 1.0, ["deg"]),
         ((0.0, 701.0), 1.0, []),
+        ((0.0, 0.031), 1.0, ["rev"]),
+        ((0.0, np.radians(13.0)), np.pi / 180.0, []),
         ((0.0, np.radians(11.0)), np.pi / 180.0, ["rad"]),
     ],
 )

@@ -19,9 +19,18 @@ from adaptctl.identification.friction_model import FrictionModel
 from adaptctl.identification.gathering import gathered
 from adaptctl.identification.hypotheses import AS_IS, LogMeaning, TriedHypothesis
 from adaptctl.identification.identify import identified
-from adaptctl.identification.listed_hypotheses import SPRING
+from adaptctl.identification.listed_hypotheses import COUNTERBALANCE, DELAY, SPRING
 from adaptctl.identification.preparation import PreparationStep
-from adaptctl.identification.springs import known_springs, left_out, spring_kinds, with_springs, with_untold_springs
+from adaptctl.identification.springs import (
+    is_answered,
+    known_springs,
+    left_out,
+    spring_kinds,
+    told_kinds,
+    validate_told,
+    with_springs,
+    with_untold_springs,
+)
 from adaptctl.identification.uncertainty import Uncertainty, uncertainty
 from adaptctl.identification.validation import validate_plausible
 
@@ -151,6 +160,36 @@ def test_a_spring_that_no_fit_may_have_is_named_where_the_log_is_refused(case: K
     friction = FrictionModel.named("viscous,coulomb")
     with pytest.raises(InputError, match=r"a spring is at joint1, of 3.*; --friction .*; .* do not explain"):
         identified(case.guess, case.drives, [stiff], [stiff], friction=friction, cutoff=8.75, prior_weight=1.0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "terms", "freed", "answered"),
+    [
+        (SPRING, "viscous,stiffness", False, True),
+        (SPRING, "viscous,sine,cosine", False, False),
+        (COUNTERBALANCE, "viscous,sine,cosine", False, True),
+        (SPRING, "viscous", True, False),
+        (DELAY, "viscous,stiffness", True, True),
+        (DELAY, "viscous,stiffness", False, False),
+        (AS_IS, "viscous,stiffness", True, False),
+    ],
+)
+def test_what_a_log_names_is_answered_by_a_spring_of_its_kind_or_a_delay_taken_off(
+    kind: str, terms: str, freed: bool, answered: bool
+) -> None:
+    named, other = TriedHypothesis(kind, "", 0.1, named=True), TriedHypothesis(SPRING, "", 0.1)
+    meaning = LogMeaning((named, other), None, False, STEP, False, STEP)
+    assert is_answered(meaning, FrictionModel.named(terms), freed) == answered
+
+
+def test_kinds_of_springs_are_told_that_are_at_one_joint() -> None:
+    arm = known(1, 2).truth.with_drives(Drive(stiffness=1.0, sine=2.0))
+    names, kinds = ("joint0.stiffness", "joint0.sine", "joint1.sine"), (DriveParameter.STIFFNESS, DriveParameter.SINE)
+    assert told_kinds(arm, ()) == kinds
+    assert told_kinds(arm, names) == kinds[:1]
+    validate_told(FrictionModel.named("viscous,stiffness"), arm, names)
+    with pytest.raises(InputError, match="does not tell sine from"):
+        validate_told(FrictionModel.named("viscous,sine"), arm, names)
 
 
 def test_springs_that_nobody_expects_are_not_told_as_untold(case: Known) -> None:

@@ -51,6 +51,12 @@ def test_an_outlier_is_back_within_twenty_rows(rows: int, told: bool) -> None:
     assert np.count_nonzero(checks._impossible(values)[0]) == rows * told
 
 
+def test_rows_between_two_outliers_are_sound() -> None:
+    values = STEADY.copy()
+    values[[200, 205]] += 1.0
+    assert np.flatnonzero(checks._impossible(values)[0]).tolist() == [200, 205]
+
+
 @pytest.mark.parametrize(("times", "told"), [(11.0, False), (13.0, True)])
 def test_a_spike_is_twelve_times_the_noise(times: float, told: bool) -> None:
     torque = np.random.default_rng(0).normal(size=400)
