@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from every_law import MODEL as CHAIN
 
 from adaptctl.control.adaptation import steady_weight
 from adaptctl.control.adaptation.composite_learning import CompositeLearning
@@ -71,6 +72,16 @@ def test_what_weights_leave_is_what_a_fit_of_slopes_leaves() -> None:
     assert float(left) == pytest.approx(np.sum((weighted[1] - weighted[0] @ x) ** 2), rel=1e-6)
     none = WeightSums(np.zeros(0), np.zeros(0), np.zeros(1))
     assert steady_weight.left([], column([]), column([]), (KEEP, T), 3.0, none) == (3.0, none)
+
+
+def test_weights_rise_through_two_filters() -> None:
+    p, rest, memory = np.array([0.2, -0.4, 0.3]), np.zeros(3), steady_weight.start(CHAIN)
+    period: Any = SimpleNamespace(q=Column(p.tolist()), period=1e-3)
+    for _ in range(100):
+        rows, memory = steady_weight.predicted(CHAIN, period, memory, 10.0)
+    weights = CHAIN.torque_regressor(p, rest, rest)
+    steady = weights[:, np.abs(weights).max(axis=0) > 1e-9]
+    np.testing.assert_allclose([list(row) for row in rows], (1.0 - 2.0 / np.e) * steady, rtol=0.01, atol=1e-9)
 
 
 @pytest.mark.parametrize("slope", [0.3, -0.3, 0.0])

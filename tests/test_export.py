@@ -154,6 +154,7 @@ def test_a_package_is_whole_and_says_what_it_is(name: str, tmp_path: Path) -> No
     for text in (path.read_text() for path in done.directory.iterdir()):
         assert "{{" not in text
         assert "{%" not in text
+        assert text.endswith("\n")
 
 
 def test_the_code_says_what_numbers_are() -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +20,7 @@ from adaptctl.arrays import Array
 from adaptctl.control import SlotineLi, Workspace, sampling_ratio, worst_conditioned_configuration
 from adaptctl.control.gains.sampling_ratio import (
     MAX_SAMPLING_RATIO,
+    _lightest_joint,
     sampling_ratios,
     slowest_decay,
     validate_sampling_ratio,
@@ -64,6 +67,13 @@ def test_random_configurations_alone_accept_what_is_unstable() -> None:
     assert np.abs(np.linalg.eigvals(np.eye(6) - 1e-3 * feedback)).max() > 1.0
     with pytest.raises(GainError, match=rf"at p = .*Joint {found.joint} would oscillate"):
         validate_sampling_ratio(arm, damping, 1e-3)
+
+
+def test_the_joint_that_moves_without_inertia_does_not_depend_on_units() -> None:
+    alike = np.array([[1.0, 0.9, 0.5], [0.9, 1.0, 0.2], [0.5, 0.2, 1.0]])
+    for units in ((1.0, 1.0, 1.0), (100.0, 10.0, 1.0)):
+        arm: Any = SimpleNamespace(mass_matrix=lambda p, units=units: alike * np.outer(units, units))
+        assert _lightest_joint(arm, np.zeros(3)) == 0
 
 
 @settings(max_examples=15, deadline=None)

@@ -315,3 +315,20 @@ def test_loops_that_are_checked_are_the_arm_s_in_postures_all_over_its_workspace
         np.testing.assert_allclose(matrices, np.broadcast_to(expected, (count, 2, 2)), atol=1e-9)
     joints(0.5 * OWN, workspace=AT_HOME)
     np.testing.assert_allclose(seen[-1][0].mass[0], OWN, rtol=1e-4)
+
+
+@pytest.mark.parametrize("stages", [1, 2])
+def test_a_period_of_a_checked_loop_is_that_of_a_mass_on_a_spring(stages: int) -> None:
+    mass, inertia, damping, stiffness, spring, period = 2.0, 0.7, 3.0, 40.0, 300.0, 4e-3
+    matrices = (np.full((1, 1, 1), x) for x in (mass, inertia, damping, stiffness))
+    loop = DrivenLoop(*matrices, [], period, FeltForce(50.0, stages, 2))
+    x, v, target, first, second, held, last = state = np.random.default_rng(0).normal(size=7)
+    keep, w = np.exp(-50.0 * period), np.sqrt(spring / mass)
+    rest, turn = held / spring, w * period
+    one = keep * first + (1.0 - keep) * -spring * x
+    force, two = (one, one) if stages == 1 else (second, keep * second + (1.0 - keep) * one)
+    wanted = (force - damping * v - stiffness * x) / (1.5 * inertia)
+    moved = rest + (x - rest) * np.cos(turn) + v / w * np.sin(turn)
+    speed = v * np.cos(turn) - w * (x - rest) * np.sin(turn)
+    expected = [moved, speed, target + period * wanted, one, two, last, mass * wanted - damping * (v - target) - force]
+    assert loop._step(1.5, np.full((1, 1, 1), spring))[0] @ state == pytest.approx(expected, rel=1e-9)
