@@ -151,6 +151,14 @@ def real_number(value: object, what: str) -> float:
     raise InputError(f"{what}: expected a number, got {printable(repr(value))}")
 
 
+def finite_number(value: object, what: str, least: float = 0.0) -> float:
+    """Finite number of at least `least` as a float."""
+    number = real_number(value, what)
+    if not least <= number < math.inf:
+        raise InputError(f"{what}: expected a finite number of at least {least:g}, got {printable(repr(value))}")
+    return number
+
+
 def whole_number(value: object, what: str, least: int, most: int) -> int:
     """Integer from `least` to `most`."""
     if _is_whole(value) and least <= value <= most:

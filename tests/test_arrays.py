@@ -14,6 +14,7 @@ from adaptctl.arrays import (
     MAX_PERIOD,
     MIN_PERIOD,
     checked,
+    finite_number,
     finite_results,
     per_joint,
     positive_number,
@@ -28,6 +29,7 @@ from adaptctl.errors import InputError, NonFiniteError
 
 TAKERS: dict[str, Callable[[Any], object]] = {
     "positive": lambda x: positive_number(x, "x: expected a positive finite number"),
+    "finite": lambda x: finite_number(x, "x"),
     "real": lambda x: real_number(x, "x"),
     "whole": lambda x: whole_number(x, "x", 0, 9),
     "count": lambda x: whole_count(x, "x"),
@@ -71,6 +73,14 @@ def test_ends_of_positive_numbers_are_among_them(taker: Callable[[Any], object],
     for none in (0.0, -least, np.inf, np.nan, 10**400):
         with pytest.raises(InputError, match=r"^x: expected a positive [^,]*, got "):
             taker(none)
+
+
+@pytest.mark.parametrize("least", [0.0, 1.0])
+def test_the_least_is_a_finite_number_and_what_is_below_or_infinite_is_none(least: float) -> None:
+    assert finite_number(least, "x", least) == least
+    for wrong in (least - 1e-9, np.inf, -np.inf, np.nan):
+        with pytest.raises(InputError, match=f"^x: expected a finite number of at least {least:g}, got "):
+            finite_number(wrong, "x", least)
 
 
 def test_rows_are_stacked() -> None:

@@ -330,7 +330,10 @@ SMALL = "puma560_arm3"
             "unknown link 'hand'; links: link1, link2",
         ),
         (lambda: TaskSpaceSlotineLi(reduced(SMALL), 8.0, 50.0, link="link2"), "point of link2 along fewer than 3 axes"),
-        (lambda: TaskSpaceSlotineLi(reduced(SMALL), 8.0, 50.0, singularity=-1.0), "singularity: expected at least 0"),
+        (
+            lambda: TaskSpaceSlotineLi(reduced(SMALL), 8.0, 50.0, singularity=-1.0),
+            "singularity: expected a finite",
+        ),
         (lambda: TaskSpaceSlotineLi(reduced(SMALL), 8.0, 50.0, tool=np.ones(2)), "tool"),
     ],
 )

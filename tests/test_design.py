@@ -356,7 +356,10 @@ def _wrong() -> dict[str, tuple[object, str]]:
         "nothing": (lambda: optimal_counterweights(T, ()), "expected bounds for one or more different links"),
         "objective": (lambda: optimal_counterweights(T, within, "beauty"), "objective: expected one of energy, torque"),
         "density": (lambda: optimal_counterweights(T, within, density=-1.0), "density: expected a positive number"),
-        "percent": (lambda: optimal_counterweights(T, within, percent=-1.0), "expected a percentage of at least 0"),
+        "percent": (
+            lambda: optimal_counterweights(T, within, percent=-1.0),
+            "percent: expected a finite number",
+        ),
         "still": (lambda: DesignTask(arm, still, still, still, "rest"), "task: the states are all equal"),
         "shapes": (lambda: DesignTask(arm, still, still[:5], still, ""), "expected one shape"),
         "samples": (lambda: DesignTask.within_limits(arm, 1), "samples: expected a whole number from 2 to 100000"),

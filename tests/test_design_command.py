@@ -97,7 +97,7 @@ def test_a_folder_is_written_whole(tmp_path: Path) -> None:
         (("--link", "link6", "--mount", "9", "0", "0"), "the position [9.0, 0.0, 0.0] is outside the bounds"),
         (("--mass-ratio", "-0.1"), "expected ratios of at least 0"),
         (("--objective", "beauty"), "objective: expected one of energy, torque, coupling, components, got 'beauty'"),
-        (("--energy-error", "-1"), "expected a percentage of at least 0"),
+        (("--energy-error", "-1"), "expected a finite number of at least 0"),
         (("--samples", "1"), "samples: expected a whole number from 2 to 100000"),
         (("--samples", "1000000000"), "samples: expected a whole number from 2 to 100000"),
         (("--speed", "-1"), "speed: expected a finite number of at least 0"),

@@ -203,7 +203,7 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
     "reference's duration": (lambda: along_sinusoids(-1.0, 10), "task: duration: expected a positive number of s"),
     "percent text": (lambda: task().components(OTHER), "percent: expected a number, got 'a'"),
     "percent none": (lambda: task().components(NONE), "percent: expected a number, got None"),
-    "percent nan": (lambda: task().components(np.nan), "percent: expected a percentage of at least 0"),
+    "percent nan": (lambda: task().components(np.nan), "percent: expected a finite number of at least 0"),
     "mass's percent": (lambda: added_mass(task(), "link3", 1.0, percent=OTHER), "percent: expected a number"),
     "balls' percent": (lambda: optimal_counterweights(task(), [third()], percent=OTHER), "percent: expected a number"),
     "objective": (

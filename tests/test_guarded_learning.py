@@ -377,10 +377,10 @@ def test_the_default_controller_learns_friction_too() -> None:
     [
         ({"recall": 600.0}, "recall: 600 1/s is too fast for a control period of 0.001 s; use at most 500 1/s"),
         ({"recall": -1.0}, "recall: expected a finite number of at least 0"),
-        ({"time_limit": np.inf}, "time_limit: expected a finite number of at least 0 s"),
+        ({"time_limit": np.inf}, "time_limit: expected a finite number of at least 0"),
         ({"min_speed": -0.1}, "min_speed: expected finite speeds of at least 0"),
         ({"min_speed": [0.1, 0.1]}, "min_speed"),
-        ({"forgetting": -1.0}, "forgetting: expected at least 0"),
+        ({"forgetting": -1.0}, "forgetting: expected a finite number of at least 0"),
         ({"cutoff": 2000.0}, "cutoff"),
     ],
 )

@@ -122,7 +122,7 @@ def test_bad_input(puma: Mechanism, space: EssentialSpace) -> None:
     with pytest.raises(InputError, match=r"components: expected 0\.\.36, got -1"):
         reduce(space, puma, components=-1)
     for bad in (-1.0, np.nan, np.inf):
-        with pytest.raises(InputError, match="energy_error: expected a percentage"):
+        with pytest.raises(InputError, match="energy_error: expected a finite number"):
             reduce(space, puma, energy_error=bad)
     with pytest.raises(InputError, match=r"parameters: expected shape \(60,\), got \(36,\)"):
         reduce(space, np.zeros(36), energy_error=1.0)

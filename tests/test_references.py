@@ -140,8 +140,11 @@ def test_a_spline_rests_before_its_first_time_and_after_its_last() -> None:
         (lambda: FadeIn(TEXT, (0.0,)), "fade in: expected a reference, a function of time, got 'a'"),
         (lambda: FadeIn(Sinusoids((0.0,), (1.0,), (1.0,)), (0.0, 1.0)), r"start: expected shape \(1,\), got \(2,\)"),
         (lambda: FadeIn(Sinusoids((0.0,), (1.0,), (1.0,)), (np.nan,)), "start: expected finite"),
-        (lambda: FadeIn(Sinusoids((0.0,), (1.0,), (1.0,)), (0.0,), 0.0), "fade in: expected a positive time, got 0"),
-        (lambda: FadeIn(Sinusoids((0.0,), (1.0,), (1.0,)), (0.0,), TEXT), "fade in: duration: expected a number"),
+        (
+            lambda: FadeIn(Sinusoids((0.0,), (1.0,), (1.0,)), (0.0,), 0.0),
+            "fade in: duration: expected a positive",
+        ),
+        (lambda: FadeIn(Sinusoids((0.0,), (1.0,), (1.0,)), (0.0,), TEXT), "fade in: duration: expected a positive"),
         (lambda: MinimumJerk(((0.0,),), (0.0,)), "at least two waypoints"),
         (lambda: MinimumJerk(((0.0,), (1.0,)), (1.0, 1.0)), "increasing times"),
     ],

@@ -95,19 +95,7 @@ def task() -> DesignTask:
         (lambda: estimate_sampling_ratio(model(), ONES, -ONES, 8.0, 1e-3), "prior: expected numbers of at least 0"),
         (
             lambda: estimate_sampling_ratio(model(), ONES, ONES, 8.0, 1e-3, kinetic=-1.0),
-            "kinetic: expected an energy",
-        ),
-        (
-            lambda: estimate_sampling_ratio(model(), ONES, ONES, 8.0, 1e-3, kinetic=np.nan),
-            "kinetic: expected .*, got nan",
-        ),
-        (
-            lambda: estimate_sampling_ratio(model(), ONES, ONES, 8.0, 1e-3, kinetic=np.inf),
-            "kinetic: expected .*, got inf",
-        ),
-        (
-            lambda: estimate_sampling_ratio(model(), ONES, ONES, 8.0, 1e-3, kinetic=cast(Any, [1.0])),
-            "kinetic: expected a number",
+            "kinetic: expected a finite number of at least 0",
         ),
         (lambda: parameter_sampling_ratios(model(), -8.0, 1e-3), "bandwidth: expected finite numbers of at least 0"),
         (

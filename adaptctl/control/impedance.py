@@ -312,7 +312,7 @@ class JointImpedance(PassivityBased):
             ratio = sampling_ratio(mechanism, self.damping, T, workspace=self.workspace)
             validate_damping(mechanism.name, ratio, T, self.delay)
         else:
-            validate_sampling_ratio(mechanism, self.damping, T, 0.0, self.workspace)
+            validate_sampling_ratio(mechanism, self.damping, T, workspace=self.workspace)
         names = [f"joint {joint.name}" for joint in mechanism.primary_joints]
         validate_stiffness(mechanism.name, names, self.stiffness, self.damping, T, self.delay)
 

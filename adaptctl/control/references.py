@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array, numbers, real_number
+from adaptctl.arrays import Array, finite_number, frozen_array, numbers
 from adaptctl.caching import cached_property
 from adaptctl.compilation import compile_function
 from adaptctl.control.controller import ReferencePoint
@@ -163,8 +163,7 @@ class Sinusoids:
             rows = np.zeros((terms, center.size)) if blank else np.atleast_2d(numbers(given, name))
             what = f"{name}, a row for each sinusoid and a column for each joint" if terms > 1 else name
             object.__setattr__(self, name, frozen_array(rows, (terms, center.size), what))
-        if not 0.0 <= real_number(self.start_time, "start_time") < math.inf:
-            raise InputError(f"start_time: expected a finite time of at least 0 s, got {self.start_time}")
+        finite_number(self.start_time, "start_time")
 
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
         """

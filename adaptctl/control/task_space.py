@@ -7,7 +7,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from adaptctl.arrays import Array, frozen_array, stacked_rows
+from adaptctl.arrays import Array, finite_number, frozen_array, stacked_rows
 from adaptctl.control.adaptation.law import NoMemory
 from adaptctl.control.adaptive import AdaptiveState
 from adaptctl.control.controller import ReferencePoint
@@ -135,8 +135,7 @@ class TaskSpaceSlotineLi(SlotineLi):
             given = getattr(self, name)
             object.__setattr__(self, name, frozen_array(default if given is None else given, (size,), name))
         for name in ("singularity", "posture_rate"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
-                raise InputError(f"task space: {name}: expected at least 0, got {getattr(self, name)}")
+            finite_number(getattr(self, name), f"task space: {name}")
         index, link, point = tool_point(
             self.model.mechanism.description, self.link, np.asarray(self.tool), "task space"
         )

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array, numbers, real_number
+from adaptctl.arrays import Array, finite_number, frozen_array, numbers, positive_number
 from adaptctl.caching import sent_as_made
 from adaptctl.control.controller import Reference, ReferencePoint
 from adaptctl.control.minimum_jerk import quintic
@@ -60,12 +59,8 @@ class StoppedReference:
     def __post_init__(self) -> None:
         if not callable(self.reference):
             raise InputError(f"stopped reference: expected a reference, a function of time, got {self.reference!r}")
-        stop, over = (real_number(getattr(self, name), f"stopped reference: {name}") for name in ("stop", "duration"))
-        if not (0.0 <= stop < math.inf and 0.0 < over < math.inf):
-            raise InputError(
-                f"stopped reference: expected a stop at 0 s or later, and a positive deceleration time, got "
-                f"{self.stop} and {self.duration} s"
-            )
+        finite_number(self.stop, "stopped reference: stop")
+        positive_number(self.duration, "stopped reference: duration: expected a positive number of s")
 
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
         """
@@ -155,8 +150,7 @@ class FadeIn:
         if not callable(self.reference):
             raise InputError(f"fade in: expected a reference, a function of time, got {self.reference!r}")
         object.__setattr__(self, "start", frozen_array(self.start, np.shape(self.reference(0.0).p), "fade in: start"))
-        if not 0.0 < real_number(self.duration, "fade in: duration") < math.inf:
-            raise InputError(f"fade in: expected a positive time, got {self.duration} s")
+        positive_number(self.duration, "fade in: duration: expected a positive number of s")
 
     def __call__(self, t: ArrayLike, /) -> ReferencePoint:
         """

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from adaptctl.arrays import (
     Array,
     checked,
+    finite_number,
     frozen,
     frozen_array,
     positive_number,
@@ -574,9 +575,7 @@ class DesignTask:
 
 def component_counts(weights: Array, percent: float) -> Array:
     """Smallest numbers (...) of essential components within an energy error."""
-    percent = real_number(percent, "percent")
-    if not 0.0 <= percent < np.inf:
-        raise InputError(f"percent: expected a percentage of at least 0, got {percent}")
+    percent = finite_number(percent, "percent")
     squares = np.sort(np.square(weights), axis=-1)
     tails = np.cumsum(squares, axis=-1)
     return np.sum(tails > min(percent / 100.0, 1.0) ** 2 * tails[..., -1:], axis=-1)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen, frozen_array, real_number, whole_number
+from adaptctl.arrays import Array, finite_number, frozen, frozen_array, whole_number
 from adaptctl.caching import sent_as_made
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, validate_kind
@@ -203,9 +203,7 @@ def _percentages(missing: Array) -> Array:
 
 
 def _enough(errors: Array, energy_error: float) -> int:
-    if not 0.0 <= real_number(energy_error, "energy_error") < np.inf:
-        raise InputError(f"energy_error: expected a percentage of at least 0, got {energy_error}")
-    return int(np.argmax(errors <= energy_error))
+    return int(np.argmax(errors <= finite_number(energy_error, "energy_error")))
 
 
 def _checked_count(count: int | None, most: int) -> int:

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, finite_number
 from adaptctl.control.adaptation.composite import Filtered, TorqueFilter, residual
 from adaptctl.control.adaptation.gradient import MIN_POWER
 from adaptctl.control.adaptation.law import Period
@@ -100,7 +100,8 @@ class CompositeLearning(RecallingLeastSquares[LearningMemory]):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._validate_not_negative({"recall": "1/s", "excitation_threshold": "1/s"})
+        finite_number(self.recall, f"{self.called}: recall")
+        finite_number(self.excitation_threshold, f"{self.called}: excitation_threshold")
         if not self.reset_power > 0.0:
             raise InputError(
                 f"{self.called}: reset_power: expected a positive number of W, or infinity, got {self.reset_power}"

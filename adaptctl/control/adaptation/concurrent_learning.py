@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, positive_number
 from adaptctl.control.adaptation.composite import (
     Filtered,
     TorqueFilter,
@@ -103,11 +103,9 @@ class ConcurrentLearning(Descent[Stack]):
                 f"concurrent learning: stack_size: expected 1 to {MAX_SAMPLES}, got {self.stack_size}; use Gradient "
                 "without samples"
             )
-        if not (np.isfinite(self.novelty_threshold) and self.novelty_threshold > 0.0):
-            raise InputError(
-                "concurrent learning: novelty_threshold: expected a positive number of 1/s, got "
-                f"{self.novelty_threshold}; without a threshold, every period would replace a sample"
-            )
+        positive_number(
+            self.novelty_threshold, "concurrent learning: novelty_threshold: expected a positive number of 1/s"
+        )
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """

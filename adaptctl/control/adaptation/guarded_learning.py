@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array, per_joint, whole_number
+from adaptctl.arrays import Array, finite_number, frozen_array, per_joint, whole_number
 from adaptctl.control.adaptation import (
     external_torque,
     late_torques,
@@ -160,7 +160,8 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
             validate_kind(self.external_torque, ExternalTorque, "external_torque", "as ExternalTorque() is one")
         if not isinstance(self.trial, bool):
             raise InputError(f"{self.called}: trial: expected True or False, got {self.trial!r}")
-        self._validate_not_negative({"recall": "1/s", "time_limit": "s"})
+        finite_number(self.recall, f"{self.called}: recall")
+        finite_number(self.time_limit, f"{self.called}: time_limit")
         object.__setattr__(self, "torque_step", restart.checked(self.called, self.bound, self.torque_step))
         whole_number(self.delay, f"{self.called}: delay in control periods", 0, MAX_DELAY)
         speeds = np.asarray(self.min_speed, dtype=np.float64)

@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from adaptctl.arrays import Array, frozen_array
+from adaptctl.arrays import Array, frozen_array, positive_number
 from adaptctl.control.adaptation.gradient import Descent
 from adaptctl.control.adaptation.law import NoMemory, Period
-from adaptctl.errors import InputError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, column, sqrt
 
@@ -25,8 +24,7 @@ class _Leaking(Descent[NoMemory]):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not (np.isfinite(self.leakage) and self.leakage > 0.0):
-            raise InputError(f"leakage rate: expected a positive number, got {self.leakage}")
+        positive_number(self.leakage, "leakage rate: expected a positive number")
         prior = np.zeros(len(self.gain)) if self.prior is None else self.prior
         object.__setattr__(self, "prior", frozen_array(prior, (len(self.gain),), "leakage: prior"))
 

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from adaptctl.arrays import Array, frozen_array, numbers
+from adaptctl.arrays import Array, finite_number, frozen_array, numbers
 from adaptctl.control.adaptation.composite import Filtered, TorqueFilter, residual, validate_filter, validate_predicted
 from adaptctl.control.adaptation.gradient import validate_size
 from adaptctl.control.adaptation.law import AdaptationLaw, Period
@@ -48,8 +48,7 @@ class ForgettingLeastSquares(AdaptationLaw[Memory]):
             raise InputError(f"{self.called}: gain: expected positive numbers (k,)")
         object.__setattr__(self, "gain", gain)
         validate_filter(self.called, self.prediction_weight, self.cutoff)
-        if not (np.isfinite(self.forgetting) and self.forgetting >= 0.0):
-            raise InputError(f"{self.called}: forgetting: expected at least 0 1/s, got {self.forgetting}")
+        finite_number(self.forgetting, f"{self.called}: forgetting")
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """
@@ -145,8 +144,7 @@ class BoundedGainForgetting(ForgettingLeastSquares[CovarianceMemory]):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not (np.isfinite(self.bound) and self.bound >= 1.0):
-            raise InputError(f"{self.called}: bound: expected at least 1, got {self.bound}")
+        finite_number(self.bound, f"{self.called}: bound", 1.0)
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
         """

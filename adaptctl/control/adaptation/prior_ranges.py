@@ -10,12 +10,12 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import (
     Array,
+    finite_number,
     frozen,
     frozen_array,
     per_joint,
     positive_number,
     positive_period,
-    real_number,
     whole_number,
 )
 from adaptctl.control.adaptation.gradient import checked_gain
@@ -154,10 +154,8 @@ def estimate_sampling_ratio(
     bound = frozen_array(prior, (k,), "prior")
     if np.any(bound < 0.0):
         raise InputError(f"prior: expected numbers of at least 0, got {bound.tolist()}")
-    if not 0.0 <= real_number(kinetic, "kinetic") < np.inf:
-        raise InputError(f"kinetic: expected an energy in J of at least 0, got {kinetic}")
     full = np.diag(gamma) if gamma.ndim == 1 else gamma
-    energy = kinetic + 0.5 * _largest_distance(full, bound)
+    energy = finite_number(kinetic, "kinetic") + 0.5 * _largest_distance(full, bound)
     u = parameter_sampling_ratios(model, bandwidth, control_period, workspace)
     return float(np.sqrt(2.0 * energy * (u @ np.abs(full) @ u)))
 

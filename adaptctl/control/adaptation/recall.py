@@ -50,13 +50,6 @@ class RecallingLeastSquares(ForgettingLeastSquares[Memory]):
                 f"use at most {MAX_RECALL / control_period:g} 1/s"
             )
 
-    def _validate_not_negative(self, units: dict[str, str]) -> None:
-        """Raise `InputError` unless these attributes are finite and at least 0."""
-        for name, unit in units.items():
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0.0):
-                raise InputError(f"{self.called}: {name}: expected a finite number of at least 0 {unit}, got {value}")
-
     def _covariance(self, information: Any) -> Array:
         """Inverse (k, k) of the initial gain's inverse and the information, whose triangle is in its units."""
         k, scale = len(self.gain), np.sqrt(self.gain)

@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array
+from adaptctl.arrays import Array, positive_number
 from adaptctl.control.adaptation.gradient import Descent, checked_gain, validate_size
 from adaptctl.control.adaptation.law import Period
 from adaptctl.control.gains.sampling_ratio import sampling_ratio, slowest_decay
 from adaptctl.control.gains.workspace import Workspace
-from adaptctl.errors import GainError, InputError
+from adaptctl.errors import GainError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, Scalar, maximum
 
@@ -67,10 +67,7 @@ class ReleasedGradient(Descent[Normaliser]):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("release", "share"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise InputError(
-                    f"released gradient: {name}: expected a positive finite number, got {getattr(self, name)}"
-                )
+            positive_number(getattr(self, name), f"released gradient: {name}: expected a positive finite number")
 
     @classmethod
     def certified(

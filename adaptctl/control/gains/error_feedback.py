@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from adaptctl.arrays import Array, positive_number, positive_period, real_number, whole_number
+from adaptctl.arrays import Array, finite_number, positive_number, positive_period, real_number, whole_number
 from adaptctl.errors import GainError, InputError, printable
 from adaptctl.optional_packages import needed
 
@@ -202,13 +202,9 @@ class ErrorFeedback:
         >>> 7.0 < feedback.bandwidth < 9.0
         True
         """
-        for name, weight in (("position", position), ("velocity", velocity), ("effort", effort)):
-            real_number(weight, f"weights: {name}")
-        if not (position > 0.0 and velocity >= 0.0 and effort > 0.0 and math.isfinite(position + velocity + effort)):
-            raise InputError(
-                "weights: expected positive weights of position and effort, and a velocity weight of at least 0, got "
-                f"{position}, {velocity}, {effort}"
-            )
+        for name, weight in (("position", position), ("effort", effort)):
+            positive_number(weight, f"weights: {name}: expected a positive number")
+        finite_number(velocity, "weights: velocity")
         import control
 
         _validate_period(control_period)

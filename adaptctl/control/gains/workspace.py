@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from adaptctl.arrays import Array, checked, frozen, random_seed, real_number, whole_number
+from adaptctl.arrays import Array, checked, finite_number, frozen, random_seed, whole_number
 from adaptctl.caching import cached_property
 from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, validate_kind
@@ -166,8 +166,7 @@ class Workspace:
         >>> adaptctl.control.Workspace.along(arm, np.array([reference(t).p for t in times])).samples.shape
         (20, 2)
         """
-        if not 0.0 <= real_number(margin, "workspace: margin") < np.inf:
-            raise InputError(f"workspace: margin: expected at least 0 rad, got {margin}")
+        margin = finite_number(margin, "workspace: margin")
         path = np.atleast_2d(checked(p, mechanism.dof, "workspace: positions"))
         path = path[reachable(mechanism, path)]
         if not len(path):
