@@ -185,10 +185,10 @@ class LoopBody:
         return self._new(f"shufflevector {kind} {x}, {kind} poison, <{len(places)} x i32> <{mask}>")
 
     def _address(self, entry: ArrayEntry) -> str:
-        column = self._position(entry.column)
+        start, kind = f"%{entry.memory.name}", self._lanes.value
         if entry.row != 0:
-            column = self._new(f"add nsw i64 {self._row(entry)}, {column}")
-        return self._new(f"getelementptr inbounds {self._lanes.value}, ptr %{entry.memory.name}, i64 {column}")
+            start = self._new(f"getelementptr inbounds {kind}, ptr {start}, i64 {self._row(entry)}")
+        return self._new(f"getelementptr inbounds {kind}, ptr {start}, i64 {self._position(entry.column)}")
 
     def _row(self, entry: ArrayEntry) -> str:
         row, shape = self._position(entry.row), entry.memory.shape
