@@ -100,7 +100,7 @@ class Graph:
         found = self._expressions.get(key)
         if found is None:
             for x in operands:
-                if isinstance(x, Expression) and x.graph is not self:
+                if type(x) is not float and x.graph is not self:
                     raise untraceable(_OF_ANOTHER)
             found = self._expressions[key] = kind(self, len(self._expressions), op, operands, detail)
         return found  # type: ignore[return-value]  # an operation has one kind
@@ -131,21 +131,21 @@ class Graph:
 
 def reachable(outputs: Iterable[Any]) -> list[Expression]:
     """Expressions that outputs need, operands before what uses them."""
-    needed: set[Expression] = set()
-    pending = [x for x in outputs if isinstance(x, Expression)]
+    needed = {x for x in outputs if isinstance(x, Expression)}
+    pending = list(needed)
     while pending:
-        expression = pending.pop()
-        if expression not in needed:
-            needed.add(expression)
-            pending += [x for x in expression.operands if isinstance(x, Expression)]
+        for x in pending.pop().operands:
+            if type(x) is not float and x not in needed:
+                needed.add(x)
+                pending.append(x)
     return sorted(needed, key=attrgetter("index"))
 
 
 def add(x: Any, y: Any) -> Any:
     """Sum `x + y`."""
-    if isinstance(y, float):
+    if type(y) is float:
         x, y = y, x
-    if isinstance(x, float) and x == 0.0:
+    if type(x) is float and x == 0.0:
         return y
     if y.op is NEGATE:
         return subtract(x, y.operands[0])
@@ -182,7 +182,7 @@ def negate(x: Any) -> Any:
 def multiply(x: Any, y: Any) -> Any:
     """Product `x * y`."""
     x, y = _ordered(x, y)
-    if isinstance(x, float):
+    if type(x) is float:
         if abs(x) in (0.0, 1.0):
             return 0.0 if x == 0.0 else y if x > 0.0 else negate(y)
         return multiply(-x, y.operands[0]) if y.op is NEGATE else y.graph.make(type(y), MULTIPLY, x, y)
@@ -241,20 +241,20 @@ def cosine(x: Any) -> Any:
 
 
 def _make(op: Op, *operands: Any) -> Any:
-    traced = operands[0] if isinstance(operands[0], Expression) else operands[1]
+    traced = operands[1] if type(operands[0]) is float else operands[0]
     return traced.graph.make(type(traced), op, *operands)
 
 
 def _is(x: Any, constant: float) -> bool:
-    return isinstance(x, float) and x == constant
+    return type(x) is float and x == constant
 
 
 def _does(x: Any, op: Op) -> bool:
-    return isinstance(x, Expression) and x.op is op
+    return type(x) is not float and x.op is op
 
 
 def _ordered(x: Any, y: Any) -> tuple[Any, Any]:
     """Constants first, then what was made first."""
-    if isinstance(x, float) or (not isinstance(y, float) and x.index <= y.index):
+    if type(x) is float or (type(y) is not float and x.index <= y.index):
         return x, y
     return y, x

@@ -54,15 +54,14 @@ def program(
     declared = _declared(apart)
     called = {r: _called(r, symbols, lanes) for r in symbols if r is not routine and r not in apart}
     functions, landed, symbol = [*called.values(), *declared], landings(routine).places, symbols[routine]
-    parts = {routine: pieces(routine.body, landed)}
     if same.stored:
         before = same.before(routine)
-        symbols[before], parts[before] = f"{symbol}{PROLOGUE_SUFFIX}", pieces(before.body)
-        functions.append(_function(before, parts[before], symbols, lanes))
-        parts[routine] = pieces(same.left(routine), {**same.places, **landed})
-    own = _function(routine, parts[routine], symbols, lanes, same, uniform)
+        symbols[before] = f"{symbol}{PROLOGUE_SUFFIX}"
+        functions.append(_function(before, pieces(before.body), symbols, lanes))
+    parts = pieces(same.left(routine) if same.stored else routine.body, {**same.places, **landed})
+    own = _function(routine, parts, symbols, lanes, same, uniform)
     straight = all(isinstance(r, Routine) for r in symbols)
-    whole = len(parts[routine]) == 1 or straight
+    whole = len(parts) == 1 or straight
     if whole and not quick:
         return Program(_with_sines([*functions, own], lanes), symbol)
     from adaptctl.compilation.fusing import fused  # few programs are made quickly
@@ -238,8 +237,7 @@ MAX_WHOLE_EXPRESSIONS = 6000
 PIECE_EXPRESSIONS = 1500
 """Expressions in a piece of a longer one, about."""
 
-_TRUTHS = (Op.LESS, Op.LESS_EQUAL)
-_NOT_PASSED = (INPUT, Op.CALL, *_TRUTHS)
+_NOT_PASSED = frozenset((INPUT, Op.CALL, Op.LESS, Op.LESS_EQUAL))
 
 
 class Piece(NamedTuple):
@@ -279,14 +277,13 @@ def _parts(body: Sequence[Expression]) -> Iterator[Sequence[Expression]]:
 
 
 def _with_truths(part: Sequence[Expression]) -> Sequence[Expression]:
-    own = set(part)
-    elsewhere = {y for x in part for y in x.operands if isinstance(y, Expression) and y.op in _TRUTHS} - own
+    elsewhere = {x.operands[0] for x in part if x.op is Op.SELECT}.difference(part)
     return sorted((*part, *elsewhere), key=lambda x: x.index) if elsewhere else part
 
 
 def _operands(part: Iterable[Expression], given: Container[int]) -> set[int]:
     """Indices of what a part uses and is not given."""
-    used = {y for x in part if x.index not in given for y in x.operands if isinstance(y, Expression)}
+    used = {y for x in part if x.index not in given for y in x.operands if type(y) is not float}
     return {y.index for y in used if y.op not in _NOT_PASSED and y.index not in given}
 
 

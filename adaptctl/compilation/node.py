@@ -67,7 +67,7 @@ class Truth(_Traced):
 
 def _operator(rule: Callable[[Any, Any], Any], *, reflected: bool = False) -> Callable[[Node, Any], Any]:
     def operator(self: Node, other: Any) -> Any:
-        operand = other if isinstance(other, Node) else lift(other)
+        operand = other if type(other) is Node else lift(other)
         if operand is None:
             return NotImplemented
         return rule(operand, self) if reflected else rule(self, operand)

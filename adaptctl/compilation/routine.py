@@ -83,7 +83,7 @@ def _restored(scalars: Sequence[Any], shape: Shape) -> Any:
 F = TypeVar("F", bound=Callable[..., Any])
 
 _FLOPS = (Op.ADD, Op.SUBTRACT, Op.MULTIPLY, Op.DIVIDE, Op.NEGATE)
-_FREE = (INPUT, CALL, RESULT)
+_FREE = frozenset((INPUT, CALL, RESULT))
 
 
 class Operations(Counter[Op]):
@@ -322,7 +322,7 @@ def _name(function: Callable[..., Any]) -> str:
     return str(getattr(function, "__name__", "function"))
 
 
-_IN_EACH_STEP = (CALL, RESULT, Op.LESS, Op.LESS_EQUAL)
+_IN_EACH_STEP = frozenset((CALL, RESULT, Op.LESS, Op.LESS_EQUAL))
 """Calls, and comparisons, which memory cannot hold."""
 
 
@@ -346,7 +346,7 @@ class Invariants(NamedTuple):
                 found._store_together(group)
         for values in (*calls, *(x.operands for x in later if x.op is not CALL), routine.outputs):
             for x in values:
-                if isinstance(x, Expression) and x in found.computed and x.index not in found.places:
+                if type(x) is not float and x in found.computed and x.index not in found.places:
                     found._store((x,))
         return found
 
@@ -395,7 +395,7 @@ def _same(body: Sequence[Expression], held: Collection[int]) -> set[Expression]:
                 same.add(x)
         elif x.op not in _IN_EACH_STEP:
             for y in x.operands:
-                if isinstance(y, Expression) and y not in same:
+                if type(y) is not float and y not in same:
                     break
             else:
                 same.add(x)
