@@ -8,14 +8,18 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_trees import random_chain
 from sampled_loops import arm, gains, own_gain, reduced, swinging
 
-from adaptctl import Plant, SlotineLi, adaptive_controller
-from adaptctl.control import GuardedLearning
+from adaptctl import Plant, Sinusoids, SlotineLi, adaptive_controller, simulate_many
+from adaptctl.control import AdaptiveComputedTorque, Gradient, GuardedLearning, Projection
 from adaptctl.control.adaptation import late_torques
 from adaptctl.control.adaptation.law import NoMemory, Period
+from adaptctl.description import Description
+from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.hardware import ready_controller
+from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column, column
 from adaptctl.simulation.effects import ControlDelay
 
@@ -78,9 +82,45 @@ def test_the_delay_of_a_robot_is_told_to_its_law() -> None:
         assert (law.delay, controller.init(np.zeros(2), np.zeros(2)).law_state.sent.torques.shape) == (3, (6,))
 
 
+def ringing(delay: int, told: int) -> Any:
+    """Half a second without gravity; the estimated inertia feeds back a tenth more than late torques allow."""
+    description = Description("joint", random_chain(3, 1).links, gravity=np.zeros(3))
+    model = ReducedModel(Mechanism(description))
+    inertia = model.mechanism.mass_matrix(np.zeros(1))[0, 0]
+    limit = 2.0 * np.sin(np.pi / (4 * delay + 2))
+    first = model.fundamental_parameters * (1.1 * limit - 0.1) / 8e-3
+    law = Gradient(0.6 * first**2, delay=told)
+    controller = SlotineLi(model, 8.0, 0.1e3 * inertia, law, first, torque_limits=np.inf)
+    still = Sinusoids(np.zeros(1), np.zeros(1), np.ones(1))
+    plant = Plant(model.mechanism, 1e-3, torque_limits=[np.inf], effects=[ControlDelay(delay)])
+    return simulate_many(plant, controller, still, duration=0.5, p=[[0.0]], v=[[0.01]]), np.abs(first)
+
+
+@pytest.mark.parametrize("delay", [1, 2, 3])
+def test_a_ring_lowers_the_inertia_that_causes_it_where_the_delay_is_told(delay: int) -> None:
+    """The velocity that late torques feed back has the sign of the present one in a ring, so an estimate would rise."""
+    run, first = ringing(delay, 0)
+    assert not run.finite or np.abs(run.estimate[-1]).max() > first.max()
+    run, first = ringing(delay, delay)
+    assert run.finite
+    assert np.all(np.abs(run.estimate[-1]) < 0.99 * first)
+    assert np.abs(run.v[-50:]).max() < 5e-3
+
+
+def test_laws_around_a_late_gradient_are_as_late_and_others_have_no_delay() -> None:
+    late = Gradient(own_gain(ARM), delay=2)
+    bounds = np.full(len(TRUE), np.inf)
+    assert Projection(late, -bounds, bounds).regressor_delay == 2
+    assert GuardedLearning(own_gain(ARM), delay=2).regressor_delay == 0
+    with pytest.raises(InputError, match="has no delay: use SlotineLi"):
+        AdaptiveComputedTorque(reduced(ARM), 8.0, adaptation=late, initial=TRUE)
+
+
 @pytest.mark.parametrize("delay", [-1, 65, 1.0, True])
 def test_delays_that_are_none_are_refused(delay: Any) -> None:
     with pytest.raises(InputError, match="delay"):
         GuardedLearning(own_gain(ARM), delay=delay)
+    with pytest.raises(InputError, match="delay"):
+        Gradient(own_gain(ARM), delay=delay)
     with pytest.raises(InputError, match="delay"):
         adaptive_controller(arm("two_link"), control_period=4e-3, delay=delay)

@@ -36,8 +36,8 @@ class AdaptiveState(NamedTuple):
     q : ndarray
         Positions (..., n) of the n joints of the spanning tree in the last period in rad (m).
     regressor_state : ndarray
-        Numbers (..., m) in SI units, m depending on the mechanism, from which the regressor of the last period is
-        computed.
+        Numbers (..., m) in SI units, m depending on the mechanism and the law's delay, from which the regressors of the
+        last period and of torques that have not arrived are computed.
     s : ndarray
         Sliding variable (..., r) in the last period in rad/s (m/s).
     torque : ndarray
@@ -157,15 +157,15 @@ class AdaptiveController(Controller[AdaptiveState]):
             If p is near a singularity of the kinematic loops.
         """
         rest, initial = np.zeros(self.dof), np.array(self.initial)
-        motion = np.zeros(self._motion_size)
         q, law = self.model.mechanism.configuration(p), self.adaptation_law
+        motion = np.zeros(self._motion_size * (1 + (law.regressor_delay if law else 0)))
         learning = NoMemory() if law is None else law.initial_state(self.model, initial, q, v, self.control_period)
         return AdaptiveState(initial, q, motion, rest, rest, np.zeros(1), learning, self._controller_state(p, v))
 
     @property
     @abstractmethod
     def _motion_size(self) -> int:
-        """Length of the regressor's state."""
+        """Length of a regressor's state."""
 
     def _controller_state(self, p: Array, v: Array) -> Any:
         """Further initial state of the control law."""

@@ -103,6 +103,8 @@ class AdaptiveComputedTorque(AdaptiveController):
         weight = typical_inertia(self.model.mechanism) if self.prediction_weight is None else self.prediction_weight
         object.__setattr__(self, "prediction_weight", positive_per_joint(weight, self.dof, "prediction_weight"))
         self._settle()
+        if self.adaptation_law is not None and self.adaptation_law.regressor_delay:
+            raise InputError("adaptive computed torque: adaptation: its regressor has no delay: use SlotineLi for one")
         self._validate_bandwidth()
         self._validate_inertia()
 

@@ -84,8 +84,10 @@ class PassivityBased(AdaptiveController):
         v_r, a_r = wanted.v_r, wanted.a_r
         s = v - v_r
 
-        def gradient(sliding: Column) -> Column:  # Y_r's, of the regressor at the last tick
-            before = equations.motion_memory.numbers(memory.regressor_state)
+        held = memory.regressor_state  # the oldest first
+
+        def gradient(sliding: Column) -> Column:  # Y_r's, of the regressor at the last tick, or of what then arrived
+            before = equations.motion_memory.numbers(held[: self._motion_size])
             return equations.restored_motion(before).regressor_transpose_product(sliding, self.model.columns)
 
         passed = Period(gradient, memory.s, s, memory.torque, q, v, self.control_period, memory.dt[0], damping)
@@ -95,7 +97,8 @@ class PassivityBased(AdaptiveController):
         feedback, more = self._feedback(Instant(q, p, v, s, reference, wanted, parameters), memory)
         torque = motion.torque(parameters) - feedback
         kept = equations.motion_memory.chosen(motion.numbers) if self._motion_size else Column(())
-        return torque, AdaptiveState(estimate, q, kept, s, *self._limited(torque), learning, more)
+        later = Column((*held[self._motion_size :], *kept))
+        return torque, AdaptiveState(estimate, q, later, s, *self._limited(torque), learning, more)
 
     @abstractmethod
     def reference_velocity(

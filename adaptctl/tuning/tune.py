@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array, whole_count
 from adaptctl.caching import cached_property
-from adaptctl.control import Gains, GuardedLearning, SlotineLi, mapped_gain
+from adaptctl.control import Gains, Gradient, GuardedLearning, SlotineLi, mapped_gain
 from adaptctl.control.controller import Reference
 from adaptctl.control.gains.workspace import Workspace
 from adaptctl.dynamics import Mechanism
@@ -195,7 +195,7 @@ class Tuning:
         Examples
         --------
         >>> tuning = adaptctl.tune(arm)
-        >>> tuning.controller(model).adaptation.called, tuning.controller(model, "gradient").adaptation.shape
+        >>> tuning.controller(model).adaptation.called, tuning.controller(model, "gradient").adaptation.gain.shape
         ('guarded learning', (6, 6))
         """
         validate_kind(model, ReducedModel, "controller", "as ReducedModel(mechanism) is one")
@@ -207,12 +207,12 @@ class Tuning:
         given = None, self.control_period, self.workspace, self.torque_limits
         return slotine_li(model, gains.bandwidth, gains.damping, law, *given)
 
-    def _adaptation(self, model: ReducedModel, named: bool | str) -> Array | GuardedLearning | None:
+    def _adaptation(self, model: ReducedModel, named: bool | str) -> Gradient | GuardedLearning | None:
         if named is False:
             return None
         gain = self.adaptation_gain_for(model)
         if named == "gradient" or (named is True and len(gain) > MAX_LEARNED):
-            return gain
+            return Gradient(gain, delay=self.delay)
         if named is True or named == "learning":
             given = self.torque_limits, self.gains.damping, self.control_period, self.reference
             return learning_by_rule(model, gain, *given, self.delay)

@@ -11,7 +11,7 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.compilation.routine import MAX_COMPILED_LINKS
-from adaptctl.control import Gains, GuardedLearning, SlotineLi, mapped_gain
+from adaptctl.control import Gains, Gradient, GuardedLearning, SlotineLi, mapped_gain
 from adaptctl.control.controller import Reference
 from adaptctl.control.gains.workspace import Workspace
 from adaptctl.dynamics import Mechanism
@@ -126,10 +126,11 @@ def _feedback(one: TrialSetting) -> dict[str, Array]:
 def _law(plant: Plant, p: tuple[float, ...]) -> SlotineLi:
     """Law of a plant's trials near p, kept with its code."""
     model = ReducedModel.full(plant.mechanism)
-    return _slotine_li(plant, np.array(p), model, np.ones(len(model.columns)))
+    law = Gradient(np.ones(len(model.columns)), delay=delay_of(plant.effects))
+    return _slotine_li(plant, np.array(p), model, law)
 
 
-def _slotine_li(plant: Plant, p: Array, model: ReducedModel, law: GuardedLearning | Array | None) -> SlotineLi:
+def _slotine_li(plant: Plant, p: Array, model: ReducedModel, law: Gradient | GuardedLearning | None) -> SlotineLi:
     few, at = np.full(plant.dof, 1e-9), Workspace.along(plant.mechanism, p, 0.0)
     return slotine_li(model, few, few, law, None, plant.control_period, at, plant.torque_limits)
 

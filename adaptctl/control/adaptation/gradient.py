@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, finite_number, frozen_array, numbers
+from adaptctl.arrays import Array, frozen_array, numbers, whole_number
+from adaptctl.control.adaptation.late_torques import MAX_DELAY
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
 from adaptctl.control.gains.sampling_ratio import MAX_SAMPLING_RATIO, scaled_eigenvalues
 from adaptctl.control.pytree import Memory
@@ -118,11 +119,14 @@ class Gradient(Descent[NoMemory]):
     cap : float, default 2.0
         Bound of the power of an adaptation step beyond the stable gains, which is then at most the power of the damping
         divided by this. 0 is no bound.
+    delay : int, default 0
+        Control periods, 0 to 64, by which torques arrive late. The regressor is then that of the torque which arrived:
+        with a later one, a ring of the loop raises the inertias that cause it.
 
     Raises
     ------
     InputError
-        If the gain is not positive definite, theta is outside [0, 1], or the cap is negative.
+        If the gain is not positive definite, theta is outside [0, 1], the cap is negative, or the delay no such number.
 
     Notes
     -----
@@ -147,12 +151,20 @@ class Gradient(Descent[NoMemory]):
 
     theta: float = 1.0
     cap: float = 2.0
+    delay: int = 0
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if not 0.0 <= self.theta <= 1.0:
             raise InputError(f"gradient: theta: expected a number from 0 (Euler) to 1 (backward), got {self.theta}")
-        finite_number(self.cap, "gradient: cap")
+        if not (np.isfinite(self.cap) and self.cap >= 0.0):
+            raise InputError(f"gradient: cap: expected a finite number of at least 0, got {self.cap}")
+        whole_number(self.delay, "gradient: delay in control periods", 0, MAX_DELAY)
+
+    @property
+    def regressor_delay(self) -> int:
+        """The delay of the torques, in control periods."""
+        return self.delay
 
     def law(self, model: ReducedModel, estimate: Column, period: Period, memory: NoMemory) -> tuple[Column, NoMemory]:
         """

@@ -27,7 +27,8 @@ class Period(NamedTuple):
     Parameters
     ----------
     gradient : callable
-        Function from a sliding variable s (r,) to the product Y^T s (k,), with the regressor Y at the period's start.
+        Function from a sliding variable s (r,) to the product Y^T s (k,), with the regressor Y at the period's start,
+        or that of the torque which then arrived, see `AdaptationLaw.regressor_delay`.
     s_prev, s : Column
         Sliding variable (r,) at the period's start and end in rad/s (m/s).
     torque : Column
@@ -117,6 +118,11 @@ class AdaptationLaw(Tunable, ABC, Generic[Memory]):
         for field in fields(self):  # type: ignore[arg-type]  # a subclass is a dataclass
             if field.type in ("float", float):
                 real_number(getattr(self, field.name), f"{type(self).__name__}: {field.name}")
+
+    @property
+    def regressor_delay(self) -> int:
+        """Control periods by which torques arrive late, for which `Period.gradient` has an earlier regressor."""
+        return 0
 
     @abstractmethod
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:

@@ -105,6 +105,11 @@ class Projection(AdaptationLaw[Memory]):
         """Always True."""
         return True
 
+    @property
+    def regressor_delay(self) -> int:
+        """Control periods by which the wrapped law takes torques to arrive late."""
+        return self.inner.regressor_delay
+
     def initial_state(self, model: ReducedModel, initial: Array, q: Array, v: Array, control_period: float) -> Memory:
         """
         Return the wrapped law's internal state.
