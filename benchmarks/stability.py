@@ -39,7 +39,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import GainError, InputError, RankError
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column
-from adaptctl.simulation import SemiImplicitEuler, simulate_many
+from adaptctl.simulation import simulate_many
 from adaptctl.simulation.effects import ControlDelay
 from adaptctl.tuning import tune
 
@@ -231,7 +231,7 @@ def outcome(model: ReducedModel, draws: LoopDraws, law: Gradient, gain: Array, d
     rows = zip(*draws.settings._replace(gain=gain), strict=True)
     names = "inner.bandwidth", "inner.damping", "inner.adaptation.gain", "inner.initial"
     laws = [bare.having(bare.numbers | dict(zip(names, row, strict=True))) for row in rows]  # judged when drawn
-    plant = adaptctl.Plant(model.mechanism, PERIOD, integrator=SemiImplicitEuler(), effects=late(draws.delay))
+    plant = adaptctl.Plant(model.mechanism, PERIOD, effects=late(draws.delay))
     run = simulate_many(
         plant, laws, draws.references, duration=duration, parameters=draws.parameters, record_every=1000
     )
@@ -291,7 +291,7 @@ def counted(seed: int, count: int, duration: float, beside: int, delay: int = 0)
     if draws is None:
         return LoopCounts(arms=1, offered=1)
     gain, safe = draws.settings.gain, draws.certified
-    finite, rings = outcome(model, draws, Gradient(gain[0]), gain, duration)
+    finite, rings = outcome(model, draws, Gradient(gain[0], delay=delay), gain, duration)
     few = draws.first(beside)
     old, old_rings = outcome(model, few, Gradient(gain[0], 0.5, 0.0), few.before, duration)
     falls = draws.falls.sum(), (~finite & draws.falls).sum()

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from adaptctl.arrays import Array, frozen_array, numbers, whole_number
+from adaptctl.arrays import Array, finite_number, frozen_array, numbers, whole_number
 from adaptctl.control.adaptation.late_torques import MAX_DELAY
 from adaptctl.control.adaptation.law import AdaptationLaw, NoMemory, Period
 from adaptctl.control.gains.sampling_ratio import MAX_SAMPLING_RATIO, scaled_eigenvalues
@@ -157,8 +157,7 @@ class Gradient(Descent[NoMemory]):
         super().__post_init__()
         if not 0.0 <= self.theta <= 1.0:
             raise InputError(f"gradient: theta: expected a number from 0 (Euler) to 1 (backward), got {self.theta}")
-        if not (np.isfinite(self.cap) and self.cap >= 0.0):
-            raise InputError(f"gradient: cap: expected a finite number of at least 0, got {self.cap}")
+        finite_number(self.cap, "gradient: cap")
         whole_number(self.delay, "gradient: delay in control periods", 0, MAX_DELAY)
 
     @property

@@ -272,8 +272,8 @@ def adaptation_gain(
         Factor in 1/J of the squared ranges: an error of a whole range counts 1/(2 gain_scale) J, for every parameter.
     gains : Gains, optional
         Gains of the control law. With them ranges are limited to 0.2 (2 sin(pi/(4 d + 2)) - h)/u, delay d, h the
-        sampling ratio and u that of `parameter_sampling_ratios`, so that a light wrist does not ring. With a delay, the
-        adaptation ratio T lambda_max(K^-1 Y Gamma Y') at rest is limited to half of what is then stable.
+        sampling ratio and u that of `parameter_sampling_ratios`, so that a light wrist does not ring. The adaptation
+        ratio T lambda_max(K^-1 Y Gamma Y') at rest is limited to half of what is then stable.
     control_period : float, default 0.001
         Time in s for which a torque is held. 1 kHz is the rate of most torque interfaces.
     workspace : Workspace, optional
@@ -291,15 +291,15 @@ def adaptation_gain(
     Raises
     ------
     GainError
-        If the gains are unstable at this period and delay, or, with a delay, hold what the initial estimate misses of
-        gravity, or 30 % of it, only at an error of more than 1 rad (m): a falling arm may be lost.
+        If the gains are unstable at this period and delay, or, with a delay, make up for what the initial estimate
+        misses of gravity, or 30 % of it, only after an error of more than 1 rad (m): a falling arm may be lost.
     InputError
         If a number is not positive, gains are for another number of joints, or an estimate of parameters.
 
     Warns
     -----
     TuningWarning
-        If a delay lowers the gain, with the factor.
+        If that limit lowers the gain, with the factor.
 
     Examples
     --------
@@ -315,37 +315,42 @@ def adaptation_gain(
         caused = parameter_sampling_ratios(model, gains.bandwidth, control_period, workspace)
         reach = np.minimum(reach, SAMPLING_RATIO_SHARE * left / np.maximum(caused, np.finfo(float).tiny))
     gain = positive_number(gain_scale, "adaptation gain: gain_scale: expected a positive number") * reach**2
-    if gains is None or not delay:
+    if gains is None:
         return gain
     p = workspace_of(model.mechanism, workspace).samples
     at_rest = model.torque_regressor(p, np.zeros_like(p), np.zeros_like(p))
-    _validate_start(model, at_rest, gains, delay, initial)
     most = ADAPTATION_RATIO_SHARE * stable_adaptation_below(stable_below(delay) - left, delay)
-    if (ratio := adaptation_ratio(at_rest, gains.damping, gain, control_period)) <= most:
-        return gain
-    warn(
-        f"{model.mechanism.name}: adaptation gain: lowered to {most / ratio:.2g} times what the ranges give: a delay "
-        f"of {delay} allows an adaptation ratio at rest of {most:.2g}, and it was {ratio:.2g}",
-        TuningWarning,
-    )
-    return gain * (most / ratio)
+    if (ratio := adaptation_ratio(at_rest, gains.damping, gain, control_period)) > most:
+        gain = gain * (most / ratio)
+        late = f" with a delay of {delay}" if delay else ""
+        warn(
+            f"{model.mechanism.name}: adaptation gain: lowered to {most / ratio:.2g} times what the ranges give: these "
+            f"gains{late} allow an adaptation ratio at rest of {most:.2g}, and it was {ratio:.2g}",
+            TuningWarning,
+        )
+    if delay:
+        _validate_start(model, at_rest, gains, gain, delay, initial)
+    return gain
 
 
-def _validate_start(model: ReducedModel, at_rest: Array, gains: Gains, delay: int, initial: ArrayLike | None) -> None:
-    """Raise `GainError` if an arm falls far before gains hold it, by regressors (S, r, k) at rest."""
+def _validate_start(
+    model: ReducedModel, at_rest: Array, gains: Gains, gain: Array, delay: int, initial: ArrayLike | None
+) -> None:
+    """Raise `GainError` if an arm falls far before gains or what it learns hold it, by regressors (S, r, k) at rest."""
     arm, own = model.mechanism, model.fundamental_parameters
+    stiffness = np.diag(gains.damping * gains.bandwidth) + (at_rest * gain) @ np.swapaxes(at_rest, -1, -2)
     known = 0.0 if initial is None else frozen_array(initial, own.shape, "adaptation gain: initial")
     for begun, missing, cure in (
         (f"with {UNKNOWN_SHARE:.0%} of it unknown", UNKNOWN_SHARE * own, "take"),
         ("from this estimate", own - known, "begin with initial=model.fundamental_parameters, or take"),
     ):
-        errors = np.abs(at_rest @ missing).max(axis=0) / (gains.damping * gains.bandwidth)
+        errors = np.abs(np.linalg.solve(stiffness, (at_rest @ missing)[..., None])).max(axis=(0, 2))
         joint, error = arm.primary_joints[int(errors.argmax())], errors.max()
         if error > MAX_FALL:
             raise GainError(
-                f"{arm.name}: adaptation gain: {begun}, these gains hold gravity at {joint.name} only at an error of "
+                f"{arm.name}: adaptation gain: {begun}, this gain holds gravity at {joint.name} only after an error of "
                 f"{error:.2g} {joint.kind.position_unit}, and with a delay of {delay} falling arms may be lost: {cure} "
-                "more damping or bandwidth there, or the default law, as of tune"
+                "more damping, bandwidth or gain_scale, or the default law, as of tune"
             )
 
 

@@ -17,11 +17,13 @@ def adaptation_ratio(regressor: Array, damping: Array, gain: Array, control_peri
 
 def stable_adaptation_below(held: float, delay: int) -> float:
     """
-    Adaptation ratio at which the backward rule becomes unstable with torques so many periods late, at least one.
+    Adaptation ratio below which the backward rule is stable with torques so many periods late.
 
-    One joint with a constant regressor and sampling ratio h is on the limit where (z - 1)^2 z^d + h (z - 1) + a h z = 0
-    has a root on the unit circle.
+    Without a delay that is 2 - h, for every regressor. With one, one joint with a constant regressor and sampling ratio
+    h is on the limit where (z - 1)^2 z^d + h (z - 1) + a h z = 0 has a root on the unit circle.
     """
+    if not delay:
+        return 2.0 - held
     half = np.linspace(0.0, np.pi / (4 * delay + 2), ANGLES)[1:]
     ratios = 2.0 * np.tan(half) * np.sin(2 * delay * half)
     return float(np.interp(held, ratios, 2.0 * np.sin(half) ** 2 * (2.0 * np.cos(2 * delay * half) / ratios - 1.0)))
