@@ -13,7 +13,7 @@ ALIKE = {
         "diagonals are at least 1, and tolerances far below a half"
     ),
     "adaptctl/identification/rate_change.py::<module> 17 -> 18": "rows that are compared at a time",
-    "adaptctl/identification/rate_change.py::validate_one_rate clear > CLEAR -> clear >= CLEAR": (
+    "adaptctl/identification/rate_change.py::_bend clear > CLEAR -> clear >= CLEAR": (
         "no change is twice another to the last bit"
     ),
     "adaptctl/control/transitions.py::FadeIn.__post_init__ 0.0 -> 1.0": "a reference has one shape at all times",

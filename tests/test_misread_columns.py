@@ -15,7 +15,7 @@ from adaptctl.errors import InputError
 from adaptctl.identification import rate_change
 from adaptctl.identification.columns import JointLog
 from adaptctl.identification.preparation import prepare
-from adaptctl.identification.rate_change import validate_one_rate
+from adaptctl.identification.rate_change import _bend, _factor, validate_one_rate
 
 RATE, ROWS = 200.0, 2000
 
@@ -66,6 +66,66 @@ def test_a_rate_that_stays_is_told_nothing_whatever_else_there_is(seed: int) -> 
     begun = np.concatenate([np.repeat(position[:1], 300, axis=0), position, np.repeat(position[-1:], 300, axis=0)])
     for right in (position, lost, slipped, begun):
         validate_one_rate(log_of(right))
+
+
+def changing(*ways: float, span: int = 1) -> tuple[float, int, float] | None:
+    """What is found of two joints that move by such ways, each for twenty rows but the last three, and one at rest."""
+    *before, own, first, last = ways
+    steps = np.concatenate([np.repeat(before, 20), np.repeat([own, first, last], [20, 1, 20])])
+    return _bend(np.cumsum(steps)[:, None] * [0.01, -0.02, 0.0], span)
+
+
+@pytest.mark.parametrize(
+    ("ways", "found"),
+    [
+        ((1.0, 1.6, 1.6), 1.6),
+        ((1.0, 1.4, 1.4), None),  # a change of speed
+        ((1.6, 1.0, 1.0), 1.0 / 1.6),
+        ((1.0, 14.5, 14.5), 14.5),
+        ((1.0, 15.5, 15.5), None),  # a jump
+        ((1.0, 2.0, 2.44), 2.0),
+        ((1.0, 2.0, 2.49), None),  # it does not last
+        ((1.0, 2.0, 1.6), None),
+        ((1.47, 1.0, 2.0, 2.0), 2.0),
+        ((1.53, 1.0, 2.0, 2.0), None),  # there is half as large a change elsewhere
+    ],
+)
+def test_a_rate_changes_where_ways_have_a_lasting_factor_that_is_twice_any_other_change(
+    ways: tuple[float, ...], found: float | None
+) -> None:
+    row = 20 * (len(ways) - 2)
+    for span in (1, 2) if ways[-1] == ways[-2] else (1,):
+        told = changing(*ways, span=span)
+        assert (told is None) == (found is None)
+        if told and found:
+            clear, at, factor = told
+            assert (at, factor) == (row - 1, pytest.approx(found))
+            elsewhere = abs(ways[0] - ways[1]) if len(ways) == 4 else 1e-9
+            assert clear == pytest.approx(abs(ways[-2] - ways[-3]) / elsewhere) or clear > 1e6
+
+
+@pytest.mark.parametrize(("later", "found"), [(2.47, True), (2.53, False)])
+def test_changes_after_that_of_a_rate_count_too(later: float, found: bool) -> None:
+    steps = np.repeat([1.0, 2.0, later], 20)
+    assert (_bend(np.cumsum(steps)[:, None] * [0.01, -0.02], 1) is not None) == found
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "factor"),
+    [
+        ([1.0, 1.0], [3.0, 2.8], 2.9),
+        ([1.0, -0.21, 0.1], [2.0, -0.42, 0.2], 2.0),
+        ([1.0, -0.19, 0.1], [2.0, -0.38, 0.2], 1.0),  # one joint alone
+        ([1.0], [2.0], 1.0),
+        ([1.0, 1.0], [2.0, 1.25], 1.625),
+        ([1.0, 1.0], [2.0, 1.15], 1.0),  # not along
+        ([0.0, 0.0], [2.0, 2.0], 1.0),
+    ],
+)
+def test_a_factor_is_that_of_ways_of_several_joints_alike(
+    before: list[float], after: list[float], factor: float
+) -> None:
+    assert _factor(np.array(before), np.array(after)) == pytest.approx(factor)
 
 
 def test_positions_and_velocities_in_each_others_columns_are_told_apart_from_wrong_units() -> None:

@@ -186,7 +186,7 @@ def _resampled(log: JointLog) -> tuple[JointLog, str]:
     """Even in time at the stamps' mean rate, by straight lines between samples, unless it is already."""
     steps = np.diff(log.time)
     even = np.linspace(log.time[0], log.time[-1], len(log))
-    off = float(np.abs(log.time - even).max() * (len(log) - 1) / (log.time[-1] - log.time[0]))
+    off = float(np.abs(log.time - even).max() / np.mean(steps))
     if off <= MAX_JITTER:
         return log, f"even at {1.0 / np.mean(steps):.6g} Hz"
     if are_even(log.position, log.time, even):

@@ -25,8 +25,8 @@ def validate_one_rate(log: JointLog) -> None:
         release()
         first = max(start - BEFORE, 0)
         position = log.position[first : start + COMPARED]
-        clear, row, factor = max((_bend(position, span) for span in SPANS), key=lambda found: found[0])
-        if clear > CLEAR:
+        if found := max(filter(None, (_bend(position, span) for span in SPANS)), default=None):
+            _, row, factor = found
             _refuse(log.source, log.time[first + row], factor)
 
 
@@ -38,20 +38,21 @@ def _refuse(source: str, time: float, factor: float) -> NoReturn:
     )
 
 
-def _bend(position: Array, span: int) -> tuple[float, int, float]:
-    """Change of the ways at a row over the largest elsewhere, the row, and their factor; 0 if that is no rate's."""
+def _bend(position: Array, span: int) -> tuple[float, int, float] | None:
+    """Change of the ways at a row over the largest elsewhere, the row, and their factor, if that is a rate's."""
     ways = position[span:] - position[:-span]
     size = np.sqrt(np.mean(np.square(ways), axis=0))
     ways = ways / np.where(size > 0.0, size, 1.0)
     change = np.linalg.norm(ways[span:] - ways[:-span], axis=1)
     k = int(change.argmax())
     if not span <= k < len(change) - span:
-        return 0.0, 0, 1.0
+        return None
     elsewhere = max(change[: k - span].max(initial=0.0), change[k + 2 * span :].max(initial=0.0))
+    clear = float(change[k] / max(elsewhere, np.finfo(float).tiny))
     sizes = np.maximum(np.linalg.norm(ways[[k - span, k + 2 * span]], axis=1), np.finfo(float).eps)
     near, far = np.log([_factor(ways[k], ways[k + span]), sizes[1] / sizes[0]])
     lasting = abs(near - far) < SAME * abs(near) and np.log(LEAST) < abs(near) < np.log(MOST)
-    return (float(change[k] / max(elsewhere, np.finfo(float).tiny)) if lasting else 0.0), k + span, float(np.exp(near))
+    return (clear, k + span, float(np.exp(near))) if lasting and clear > CLEAR else None
 
 
 def _factor(before: Array, after: Array) -> float:

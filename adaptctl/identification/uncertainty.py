@@ -181,7 +181,7 @@ def unexcited(found: Sequence[Combination], inflation: float) -> list[Combinatio
 def essential_components(mechanism: Mechanism, p: Array, v: Array) -> tuple[EssentialSpace, int]:
     """Essential space with half of a motion's states, and the number of components for 1 % of the others' energy."""
     step = max(2, len(p) // FITTED_STATES)
-    first, others = (States(p[i::step], v[i::step], "the logged motion") for i in (0, step // 2))
+    first, others = (States(p[own], v[own], "the logged motion") for own in (np.s_[::step], np.s_[step // 2 :: step]))
     space = essential_space(mechanism, states=first)
     return space, reduce(space, mechanism, energy_error=ENERGY_ERROR, states=others).num_components
 

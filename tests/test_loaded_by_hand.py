@@ -1,0 +1,211 @@
+"""Fits of loads, errors that last, and regressors made in parts, on numbers that are reckoned otherwise."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from synthetic_logs import known
+
+from adaptctl.arrays import Array
+from adaptctl.identification import filtered_dynamics, lasting_errors, loaded_equations, loaded_fit
+from adaptctl.identification.filtered_dynamics import RowFilter, SmoothMotion
+from adaptctl.identification.held_out import _predicted
+from adaptctl.identification.lasting_errors import with_lasting_errors
+from adaptctl.identification.loaded_fit import LoadedFit, _halved, _minimum
+from adaptctl.identification.momentum_balance import MomentumBalance, PackedRegressor
+from adaptctl.identification.preparation import prepare
+from adaptctl.identification.uncertainty import Student, Uncertainty
+
+rng = np.random.default_rng(7)
+
+
+def test_steps_are_halved_until_no_constant_changes_its_sign() -> None:
+    problem: Any = SimpleNamespace(unknown=np.array([0, 2]))
+    x, c, dx = np.zeros(2), np.array([1.0, 2.0, -1.0]), np.array([8.0, -16.0])
+    found = list(_halved(problem, x, c, dx, np.array([-3.0, 4.0])))
+    assert len(found) == 30 - 3  # the third halving makes the last constant 0
+    np.testing.assert_allclose(found[0][0], [1.0, -2.0])
+    np.testing.assert_allclose(found[0][1], [0.625, 2.0, -0.5])
+    np.testing.assert_allclose(found[1][0], [0.5, -1.0])
+
+
+@pytest.mark.parametrize(
+    ("least", "factor", "unknown", "steps"),
+    [
+        (1.0, 3.0, [0], 15),  # the value falls by less than 1e-7 of it
+        (0.0, 3.0, [0], 18),  # the constant changes by less than 1e-5
+        (1.0, 3.0, [], 1),
+        (1.0, -1.0, [0], 1),  # no step leads downhill
+    ],
+)
+def test_a_minimum_is_searched_by_steps_that_lead_downhill(
+    least: float, factor: float, unknown: list[int], steps: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By three times the way, of which half is the first that does: each step leaves half of the error."""
+    at, taken = [np.array([0.0]), np.array([1.0])], []
+
+    def value(x: Array, c: Array, deviations: Array) -> float:
+        return least + float((x[0] - 3.0) ** 2 + (c[0] - 2.0) ** 2 * len(unknown))
+
+    def linearised(equations: Any, x: Array, c: Array, deviations: Array) -> tuple[Array, Array]:
+        at[:] = x, c
+        return np.eye(2), np.zeros(2)
+
+    def estimate(A: Array, b: Array, prior: Any, weight: float, start: Array) -> Array:
+        np.testing.assert_array_equal(start, [*at[0], *[0.0] * len(unknown)])
+        taken.append(start)
+        return np.array([at[0][0] + factor * (3.0 - at[0][0]), *(factor * (2.0 - at[1]))[: len(unknown)]])
+
+    monkeypatch.setattr(loaded_fit, "consistent_estimate", estimate)
+    problem: Any = SimpleNamespace(unknown=np.array(unknown, dtype=int), value=value, linearised=linearised)
+    problem.equations, problem.prior, problem.pinned = None, None, lambda A, b: (A, b)
+    x, c = _minimum(problem, *at, np.ones(1))  # type: ignore[arg-type]
+    assert len(taken) == steps
+    moved = steps if factor > 0.0 else 0
+    assert x[0] == pytest.approx(3.0 - 3.0 * (-0.5) ** moved)
+    assert c[0] == pytest.approx(2.0 - (-0.5) ** moved if unknown else 1.0)
+
+
+def test_fits_are_weighted_by_what_the_one_before_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[float] = []
+    monkeypatch.setattr(loaded_fit, "_minimum", lambda _, x, c, deviations: seen.append(deviations[0]) or (x + 1.0, c))
+    monkeypatch.setattr(loaded_fit, "_covariance", lambda _, x, c, deviations: np.diag([x[0], deviations[0]]))
+    problem: Any = SimpleNamespace(
+        started=lambda: (np.zeros(1), np.ones(1)),
+        deviations=lambda x, c: x + 10.0,
+        equations=SimpleNamespace(count=np.zeros((7, 2))),
+    )
+    found = loaded_fit.loaded_fit(problem)
+    assert seen == [10.0, 11.0, 12.0, 13.0]
+    assert (found.x[0], found.student) == (4.0, Student(7))
+    np.testing.assert_array_equal(np.diag(found.covariance), [4.0, 14.0])
+
+
+def test_deviations_of_combinations_are_students() -> None:
+    A, own = rng.normal(size=(3, 3)), rng.normal(size=(2, 3))
+    covariance = A @ A.T
+    found = LoadedFit(np.zeros(2), np.ones(1), covariance, Student(5)).deviations(own)
+    expected = 2.7764451 / 1.959964 * np.sqrt([row @ covariance @ row for row in own])
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+
+
+def test_equations_of_motors_are_the_joints_through_the_transmission(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Links first, then payloads, then drives; slow rows do not count, by the share of each joint's peak."""
+    T, peaks = np.array([[2.0, 0.0], [0.5, -4.0]]), np.array([1.0, 3.0])
+    Y, torque = rng.normal(size=(2, 9, 2, 13)), rng.normal(size=(2, 9, 2))
+    load, block, used = rng.normal(size=(9, 2, 10)), np.repeat([0, 1, 2], 3), rng.random((2, 9, 2)) < 0.7
+
+    def rows(k: int) -> Any:
+        def faster(least: Array) -> Array:
+            np.testing.assert_allclose(least, 0.02 * peaks)
+            return used[k]
+
+        return SimpleNamespace(regressor=Y[k], torque=torque[k], used=faster)
+
+    monkeypatch.setattr(loaded_equations, "payload_columns", lambda *_: load)
+    mechanism = SimpleNamespace(dof=2, description=SimpleNamespace(bodies=(0,)))
+    evidence: Any = SimpleNamespace(mechanism=mechanism, drives=SimpleNamespace(transmission=T), blocks=4)
+    evidence.parts = lambda cutoff: [(rows(k), None, block, peaks) for k in range(2)]
+    found = loaded_equations._of_motors(evidence, 8.0, [None], np.array([10, 12]))  # type: ignore[list-item]
+    inverse, whole = np.linalg.inv(T), [np.concatenate([y[..., :10], load, y[..., [10, 12]]], axis=-1) for y in Y]
+    for b in range(4):
+        for k in range(2):
+            pairs = [
+                (np.tensordot(inverse[:, k], whole[i][n], (0, 0)), inverse[:, k] @ torque[i, n])
+                for i in range(2) for n in np.flatnonzero((block == b) & used[i, :, k])
+            ]  # fmt: skip
+            normal = sum((np.outer(y, y) for y, _ in pairs), np.zeros((22, 22)))
+            np.testing.assert_allclose(found.normal[b, k], normal, atol=1e-12)
+            moment = sum((t * y for y, t in pairs), np.zeros(22))
+            np.testing.assert_allclose(found.moment[b, k], moment, atol=1e-12)
+            assert found.count[b, k] == len(pairs)
+
+
+def test_columns_beside_a_packed_regressor_are_those_of_the_whole() -> None:
+    Y, more = rng.normal(size=(6, 3, 4)), rng.normal(size=(6, 3, 2))
+    Y[:, 1, 2:], Y[:, 2, 0] = 0.0, 0.0
+    found = PackedRegressor.of(Y).beside(more)
+    assert (found.shape, found.values.shape) == ((3, 6), (6, 9 + 6))
+    np.testing.assert_array_equal(found.whole, np.concatenate([Y, more], axis=-1))
+    for j in range(3):
+        columns, values = found.joint(j)
+        np.testing.assert_array_equal(values, found.whole[:, j, columns])
+
+
+@pytest.fixture(scope="module")
+def motion() -> SmoothMotion:
+    case = known(3, links=2, duration=6.0, rate=250.0)
+    (piece,), _ = prepare(case.log, case.truth)
+    return SmoothMotion.of(piece, 0, 20.0)
+
+
+@pytest.mark.parametrize("chunk", [64, 97])
+def test_regressors_made_in_chunks_are_those_made_at_once(
+    motion: SmoothMotion, chunk: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mechanism = known(3, links=2).truth
+    filters = [RowFilter.of(motion, cutoff) for cutoff in (4.0, 25.0)]
+    assert filters[0].every != filters[1].every
+    whole = motion.filtered_regressors(MomentumBalance(mechanism), filters)
+    monkeypatch.setattr(filtered_dynamics, "CHUNK_SAMPLES", chunk)
+    for own, expected in zip(motion.filtered_regressors(MomentumBalance(mechanism), filters), whole, strict=True):
+        np.testing.assert_allclose(own.values, expected.values, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize(("first", "last"), [(0, None), (7, 20), (30, None)])
+def test_torques_of_a_robot_are_predicted_at_the_rows_asked_for(
+    motion: SmoothMotion, first: int, last: int | None
+) -> None:
+    mechanism = known(3, links=2).truth
+    filters = [RowFilter.of(motion, cutoff) for cutoff in (4.0, 25.0)]
+    rows = motion.filtered_rows(MomentumBalance(mechanism), filters)
+    asked = {own.cutoff: own.time[first:last] for own in rows}
+    found = dict(_predicted(motion, asked, MomentumBalance(mechanism, known=True)))
+    for own in rows:
+        expected = (own.regressor @ mechanism.inertial_parameters)[first:last]
+        np.testing.assert_allclose(found[own.cutoff], expected, rtol=1e-8, atol=1e-8)
+    assert not list(_predicted(motion, {}, MomentumBalance(mechanism, known=True)))
+
+
+@pytest.mark.parametrize(("value", "counts"), [(0.21, True), (-0.21, True), (0.19, False), (-0.19, False)])
+def test_a_delay_of_two_deviations_is_an_error_of_the_parameters(
+    value: float, counts: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And noise that lasts is, by the sums of scores in all rows over those that a fit counts."""
+    inverse, scores, effect = np.diag([2.0, 3.0]), rng.normal(size=(2, 2)), np.array([5.0, -7.0])
+    seen: list[Array] = []
+
+    def delayed(evidence: Any, fit: Any, own: Array, student: Student) -> Any:
+        seen.append(own)
+        return SimpleNamespace(value=value, deviation=0.1, effect=effect)
+
+    monkeypatch.setattr(lasting_errors, "inverse_curvature", lambda *_: (inverse, np.arange(2)))
+    monkeypatch.setattr(lasting_errors, "_scores", lambda *_: scores)
+    monkeypatch.setattr(lasting_errors, "estimated_delay", delayed)
+    counted = np.array([[True, True], [True, False]])
+    evidence: Any = SimpleNamespace(blocks=2, counted=lambda settings: counted)
+    evidence.equations = lambda settings, blocks: SimpleNamespace(count=np.array([[4.0, 5.0]]))
+    given = Uncertainty(np.eye(2), 0.5 * np.eye(2), np.eye(2), Student(4), np.eye(2), np.empty(0, dtype=np.int64))
+    found = with_lasting_errors(given, evidence, SimpleNamespace(settings=None))  # type: ignore[arg-type]
+    np.testing.assert_allclose(seen, [3.0 * inverse])
+    np.testing.assert_allclose(found.serial, 3.0 * inverse @ scores @ inverse)
+    np.testing.assert_allclose(found.bias, 0.5 * np.eye(2) + counts * value**2 * np.outer(effect, effect))
+
+
+def test_scores_are_of_the_rows_that_count_over_the_squares_of_deviations(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each joint for itself, with its share of the parameters that are fitted."""
+    Y, torque, x, used = rng.normal(size=(8, 3, 4)), rng.normal(size=(8, 3)), rng.normal(size=4), np.ones((8, 3), bool)
+    used[:, 1], used[2:4, 0] = False, False
+    monkeypatch.setattr(lasting_errors, "lasting_covariance", lambda Z, e, share: share * np.outer(e @ Z, e @ Z))
+    rows = SimpleNamespace(regressor=Y, torque=torque)
+    evidence: Any = SimpleNamespace(fitted_rows=lambda _: rows, counted=lambda _: used)
+    fit: Any = SimpleNamespace(settings=None, x=x, deviations=np.array([0.5, 1.0, 2.0]))
+    kept, expected = np.array([0, 3]), np.zeros((4, 4))
+    for j, deviation in ((0, 0.5), (2, 2.0)):
+        error = (Y[:, j] @ x - torque[:, j]) * used[:, j]
+        score = error @ Y[:, j][:, kept] / deviation**2
+        expected[np.ix_(kept, kept)] += 2.0 / 3.0 * np.outer(score, score)
+    np.testing.assert_allclose(lasting_errors._scores(evidence, fit, kept), expected, atol=1e-12)
