@@ -240,16 +240,16 @@ def _frozen_words(
     time: Array, position: Sequence[Array], torque: Sequence[Array], dead: NDArray[np.bool_], joints: Sequence[Joint]
 ) -> Iterator[str]:
     """Sentences on stretches of frozen torques, one for all joints that freeze at once."""
-    found: dict[tuple[int, int], list[int]] = {}
+    found: dict[tuple[int, int], list[tuple[int, float]]] = {}
     for j in np.flatnonzero(~dead).tolist():
         start, end = _frozen(torque[j], position[j], time)
         release()
         at = next((own for own in found if max(abs(own[0] - start), abs(own[1] - end)) <= AT_ONCE), (start, end))
         if end > start:
-            found.setdefault(at, []).append(j)
+            found.setdefault(at, []).append((j, float(torque[j][start])))
     for (start, end), own in found.items():
-        names = ", ".join(repr(joints[j].name) for j in own)
-        values = ", ".join(f"{torque[j][start]:.4g} {joints[j].kind.effort_unit}" for j in own)
+        names = ", ".join(repr(joints[j].name) for j, _ in own)
+        values = ", ".join(f"{value:.4g} {joints[j].kind.effort_unit}" for j, value in own)
         what = f"the torques of joints {names} are" if len(own) > 1 else f"the torque of joint {names} is"
         ends = f"from {time[start]:.6g} to {time[end - 1]:.6g} s"
         yield f"{what} frozen at {values} {ends}; cut this stretch out of the log"

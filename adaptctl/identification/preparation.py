@@ -215,7 +215,7 @@ def _unwrapped(log: JointLog, mechanism: Mechanism) -> tuple[JointLog, int]:
         return (unwrapped(own) if turn else own for own, turn in zip(each_column(log.position), turns, strict=True))
 
     pairs = zip(continued(), log.position.T, strict=True)
-    jumps = [0 if own is before else int((np.abs(np.diff(own - before)) > 1.0).sum()) for own, before in pairs]
+    jumps = [int((np.abs(np.diff(own - before)) > 1.0).sum()) for own, before in pairs]
     position = of_columns(continued(), *log.position.shape) if any(jumps) else log.position
     _validate_small_steps(log, position, [j for j, count in enumerate(jumps) if count], mechanism)
     wrapped = turns & (np.array(jumps, dtype=np.bool_) | whole)
