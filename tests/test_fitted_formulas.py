@@ -159,7 +159,9 @@ def test_loads_are_told_as_controllers_of_arms_take_them() -> None:
     assert inertia_tensor(ten)[0, 0] > own[0, 0]
 
 
-@pytest.mark.parametrize(("octave", "found"), [(7.3, 7.25), (-9.1, -9.0), (0.6, 1.0), (1.8, 1.75), (-0.2, -1.0)])
+@pytest.mark.parametrize(
+    ("octave", "found"), [(7.3, 7.25), (-9.1, -9.0), (0.6, 1.0), (1.8, 1.75), (-0.2, -1.0), (12.3, 11.0)]
+)
 def test_the_scale_of_one_torque_is_found_to_a_quarter_of_an_octave(
     octave: float, found: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -7,10 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.linalg import solve_toeplitz
+from scipy.signal import lfilter
 from synthetic_logs import known
 
 from adaptctl.arrays import Array
 from adaptctl.identification import filtered_dynamics, lasting_errors, loaded_equations, loaded_fit
+from adaptctl.identification.autoregression import autoregression
 from adaptctl.identification.filtered_dynamics import RowFilter, SmoothMotion
 from adaptctl.identification.held_out import _predicted
 from adaptctl.identification.lasting_errors import with_lasting_errors
@@ -209,3 +212,20 @@ def test_scores_are_of_the_rows_that_count_over_the_squares_of_deviations(monkey
         score = error @ Y[:, j][:, kept] / deviation**2
         expected[np.ix_(kept, kept)] += 2.0 / 3.0 * np.outer(score, score)
     np.testing.assert_allclose(lasting_errors._scores(evidence, fit, kept), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("seed", "a", "case"),
+    [(1, 0.3, "low"), (1, 0.4, "raised"), (1, 0.7, "raised"), (0, 0.97, "most"), (5, 0.97, "most")],
+)
+def test_short_series_persist_by_kendalls_bias_more_than_their_residuals(seed: int, a: float, case: str) -> None:
+    """From a sum of coefficients of a fifth on, to 0.98 at most."""
+    error = lfilter([1.0], [1.0, -a], np.random.default_rng(seed).normal(size=80))
+    products = np.array([error[: 80 - k] @ error[k:] for k in range(5)]) / 80.0
+    raw = solve_toeplitz(products[:4], products[1:])
+    found, _ = autoregression(error, 0.0)
+    whole = raw.sum()
+    more = whole + 2.0 * (1.0 + 3.0 * whole) / 80.0
+    assert case == ("low" if whole <= 0.2 else "raised" if more < 0.98 else "most")
+    expected = {"low": whole, "raised": more, "most": 0.98}[case]
+    np.testing.assert_allclose(found, raw * expected / whole, rtol=1e-6, atol=1e-7)
