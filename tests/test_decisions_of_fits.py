@@ -213,6 +213,48 @@ def test_copies_of_columns_are_told_unless_they_stand_still() -> None:
     assert not list(equal_columns("torques", [still, other, still], JOINTS))
 
 
+@pytest.mark.parametrize(
+    ("told", "measured", "whole", "found"),
+    [
+        ((16.1, 0.0), (2.0, 0.0), 0.0, (0,)),
+        ((-16.1, 0.0), (-2.0, 0.0), 0.0, (0,)),
+        ((15.9, 0.0), (2.0, 0.0), 0.0, ()),
+        ((16.1, 4.1), (2.0, 0.1), 0.0, (0, 1)),
+        ((16.1, 4.0), (2.0, 0.1), 0.0, (0,)),  # a quarter of the largest
+        ((16.1, 0.0), (2.0, 0.0), 17.0, ()),  # as swings are by chance
+    ],
+)
+def test_joints_weigh_otherwise_whose_links_take_many_times_the_mean_torque(
+    told: tuple[float, float], measured: tuple[float, float], whole: float, found: tuple[int, ...]
+) -> None:
+    torque = np.full((4, 2), whole)
+    rows = {9.0: SimpleNamespace(moved=SimpleNamespace(torque=torque))}
+    evidence: Any = SimpleNamespace(rows=rows, file_torques=lambda cutoff: np.array([told, measured]))
+    assert LogEvidence.weighing_otherwise(evidence, 9.0) == found
+
+
+def test_torques_of_a_files_links_and_those_measured_are_means_of_the_moving_rows() -> None:
+    Y, torque, tens = rng.normal(size=(5, 2, 12)), rng.normal(size=(5, 2)), rng.normal(size=(1, 10))
+    rows = {9.0: SimpleNamespace(moved=SimpleNamespace(regressor=Y, torque=torque))}
+    evidence: Any = SimpleNamespace(rows=rows, prior=SimpleNamespace(tens=tens))
+    links, measured = LogEvidence.file_torques(evidence, 9.0)
+    np.testing.assert_allclose(links, (Y[..., :10] @ tens[0]).mean(axis=0))
+    np.testing.assert_allclose(measured, torque.mean(axis=0))
+
+
+def test_weights_that_are_tried_rise_by_two_to_ten() -> None:
+    rise = np.divide(choice.WEIGHT_CANDIDATES[1:], choice.WEIGHT_CANDIDATES[:-1])
+    assert rise.min() >= 2.0
+    assert rise.max() <= 10.0 + 1e-9
+    assert choice.FIRST_WEIGHT in choice.WEIGHT_CANDIDATES
+
+
+def test_residuals_are_expected_to_be_a_fiftieth_of_each_joints_largest_torque() -> None:
+    """And a hundredth of that of the strongest at least."""
+    found = uncertainty._expected(np.array([[-50.0, 0.3, 2.0], [20.0, 0.2, -4.0]]))
+    np.testing.assert_allclose(found, [1.0, 0.01, 0.08])
+
+
 def arm_of(torque: float) -> Any:
     joints = [Joint("a", limits=Limits(-1.0, 2.0)), Joint("b", limits=Limits(-3.0, 3.0))]
     return SimpleNamespace(dof=2, primary_joints=joints, inverse_dynamics=lambda p, v, a: torque * p)

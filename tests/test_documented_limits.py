@@ -162,7 +162,10 @@ STATED = [
     ("identification", f"at least {choice.MIN_CUTOFF:.0f} Hz. Cut-offs"),
     ("identification", f"smoothed at 20 to {choice.MAX_CUTOFF:.0f} Hz"),
     ("identification", f"Joints slower than {percent(choice.SLOW_CANDIDATES[0])} of their peak speed"),
-    ("identification", f"to {choice.WEIGHT_CANDIDATES[-1]:.0f}. It may increase"),
+    (
+        "identification",
+        f"from {choice.WEIGHT_CANDIDATES[0]:.0e} to {choice.WEIGHT_CANDIDATES[-1]:.0f}. It may".replace("e-0", "e-"),
+    ),
     ("identification", f"left out better by {percent(choice.MIN_IMPROVEMENT)}, as on"),
     ("identification", f"better so by {100.0 * choice.MIN_WEIGHT_IMPROVEMENT:g} %"),
     ("identification", f"that lasts** {any_of(noise_choice.TIMES)} s"),

@@ -247,6 +247,14 @@ def test_times_are_of_the_scale_that_fits_best(octave: float, monkeypatch: pytes
     assert found == (pytest.approx(octave, abs=0.04) if abs(octave) > 0.25 else 0.0)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_times_are_at_most_five_and_a_half_octaves_off(sign: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Four, a half, and its halves down to a thirty-second."""
+    monkeypatch.setattr(ScaledTimes, "_error", lambda self, blocks: lambda some: abs(some - sign * 9.0))
+    found = ScaledTimes(None, None).best()  # type: ignore[arg-type]
+    assert sign * np.log2(found.value) == pytest.approx(5.5 - 1.0 / 32.0)
+
+
 def test_the_scale_of_times_deviates_as_the_jackknife_of_its_blocks_says(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whose variance is n - 1 times that of the estimates without each block (Efron 1982)."""
 
@@ -268,6 +276,10 @@ def test_the_scale_of_times_deviates_as_the_jackknife_of_its_blocks_says(monkeyp
 )
 def test_times_are_wrong_by_a_quarter_and_eight_deviations(value: float, deviation: float, counts: bool) -> None:
     assert TimeScale(value, deviation).counts == counts
+
+
+def test_a_scale_of_times_is_told_with_its_interval() -> None:
+    assert TimeScale(2.0, 0.1).words == "true times are 2 times the log's (95 % within 1.64 to 2.43)"
 
 
 def test_a_body_that_was_carried_has_a_mass() -> None:
