@@ -90,4 +90,5 @@ def _checked(model: Any, geometry: Any, places: list[int], mechanism: Mechanism)
 
 def _middle(mechanism: Mechanism) -> Array:
     bounds = np.array([[joint.limits.lower, joint.limits.upper] for joint in mechanism.primary_joints])
-    return np.where(np.isfinite(bounds).all(axis=1), bounds.mean(axis=1), 0.0)
+    bounds[~np.isfinite(bounds).all(axis=1)] = 0.0
+    return np.asarray(bounds.mean(axis=1))
