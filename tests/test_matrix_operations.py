@@ -22,7 +22,7 @@ from adaptctl.compilation.llvm import program
 from adaptctl.compilation.loops import Interpreter, vector
 from adaptctl.compilation.matrix_operation import MatrixOperation
 from adaptctl.compilation.native import Processor
-from adaptctl.control.adaptation import recalled_step, symmetric
+from adaptctl.control.adaptation import low_pass, recalled_step, symmetric
 from adaptctl.control.adaptation.sample_stack import sample_stack
 from adaptctl.control.adaptation.symmetric import Equation, directional_update, rank_update, solve, symmetric_product
 from adaptctl.scalars import Column, Dual, column, cos, sin, where
@@ -64,13 +64,17 @@ def operation_and_arguments(name: str, k: int, r: int, rng: np.random.Generator)
             given = [b, positive(rng, k).ravel(), rng.normal(size=3 * size), rng.normal(size=3 * r)]
             given += [rng.normal(size=size), shares[0], shares[1], np.array([1.0, 0.5, 1e-3])]
             return sample_stack(places, 3, k, is_whole=True), given
+        case "filter":
+            return low_pass._washed_out(len(A)), [A, A[::-1], 0.5 * A, np.array([10.0, 0.99, 0.4, 0.3])]
+        case "hold":
+            return low_pass._low_pass(len(A)), [A, A[::-1], np.array([0.99, 0.01])]
         case "scale":
             return symmetric._scaler(len(A)), [A, np.array([0.7])]
     learns = name == "learn"
     return symmetric._updater(k, r, learns=learns), [A, b, W, *shares, np.array([0.8])]
 
 
-OPERATIONS = ["product", "rows", "solve", "rank", "scale", "recall", "stack", "learn", "forget"]
+OPERATIONS = ["product", "rows", "solve", "rank", "scale", "filter", "hold", "recall", "stack", "learn", "forget"]
 NAMES = pytest.mark.parametrize("name", OPERATIONS)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -13,6 +14,7 @@ from adaptctl.arrays import Array, positive_number, positive_numbers, positive_p
 from adaptctl.compilation import trace
 from adaptctl.control.adaptation.gradient import Descent
 from adaptctl.control.adaptation.law import Period
+from adaptctl.control.adaptation.low_pass import washed_out
 from adaptctl.dynamics.recursion.energy import momentum_terms
 from adaptctl.dynamics.recursion.mass_matrix import solve_symmetric
 from adaptctl.errors import InputError
@@ -47,28 +49,18 @@ class TorqueFilter:
         """Initial state, with zero output."""
         momentum, forces = momentum_terms(model.mechanism.equations, column(q), column(v), model.columns)
         _, new, _ = self._weights
-        kept: list[Any] = []
-        for row, change, places in zip(momentum, forces, momentum_columns(model), strict=True):
-            scaled = self.cutoff * row
-            first = scaled - new * (scaled + change)
-            kept += [first[j] for j in places]
-        first_rows = Column(kept) if isinstance(q, Column) else stacked(kept, q.shape[:-1])
-        return Filtered(first_rows, np.zeros(model.mechanism.dof))
+        scaled = self.cutoff * nonzero(momentum, model)
+        first = scaled - new * (scaled + nonzero(forces, model))
+        entries = first if isinstance(q, Column) else stacked(first.of, q.shape[:-1])
+        return Filtered(entries, np.zeros(model.mechanism.dof))
 
     def predicted(self, model: ReducedModel, period: Period, memory: Filtered, v_f: Column | None = None) -> Prediction:
         """Prediction at the end of a control period, with friction at v_f, or at the velocities."""
         momentum, forces = momentum_terms(model.mechanism.equations, period.q, period.v, model.columns, v_f)
-        k, (keep, new, old), last = len(model.columns), self._weights, iter(memory.regressor)
-        rows: list[Column] = []
-        before: list[Any] = []
-        for row, change, places in zip(momentum, forces, momentum_columns(model), strict=True):
-            scaled = self.cutoff * row
-            now = scaled + change
-            filtered = spread(Column(next(last) + new * now[j] for j in places), places, k)
-            rows.append(scaled - filtered)
-            before += [keep * filtered[j] + old * now[j] for j in places]
+        x, rate, (keep, new, old) = nonzero(momentum, model), nonzero(forces, model), self._weights
+        found, after = washed_out(x, rate, memory.regressor, (self.cutoff, keep, new, old))
         torque = keep * memory.torque + (1.0 - keep) * period.torque
-        return Prediction(rows, torque, Filtered(Column(before), torque))
+        return Prediction(spread_rows(found, model), torque, Filtered(after, torque))
 
     @property
     def _weights(self) -> tuple[Any, Any, Any]:
@@ -88,6 +80,17 @@ def decayed(x: Any) -> tuple[Any, Any]:
     for _ in range(2):
         left, mean = left * left, (0.5 * mean) * (1.0 + left)
     return left, mean
+
+
+def nonzero(rows: Sequence[Column], model: ReducedModel) -> Column:
+    """Entries (e,) of a filtered regressor's rows that are not always zero."""
+    return Column(row[j] for row, places in zip(rows, momentum_columns(model), strict=True) for j in places)
+
+
+def spread_rows(entries: Column, model: ReducedModel) -> list[Column]:
+    """Rows (r, k) of a filtered regressor of its entries (e,)."""
+    rest, k = iter(entries), len(model.columns)
+    return [spread(Column(next(rest) for _ in places), places, k) for places in momentum_columns(model)]
 
 
 def momentum_columns(model: ReducedModel) -> list[list[int]]:

@@ -7,10 +7,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from adaptctl.arrays import Array
-from adaptctl.control.adaptation.composite import Filtered, TorqueFilter, decayed, momentum_columns
+from adaptctl.control.adaptation.composite import (
+    Filtered,
+    TorqueFilter,
+    decayed,
+    momentum_columns,
+    nonzero,
+    spread_rows,
+)
 from adaptctl.control.adaptation.law import Period
+from adaptctl.control.adaptation.low_pass import low_pass
 from adaptctl.identifiability import ReducedModel
-from adaptctl.scalars import Column, spread
+from adaptctl.scalars import Column
 
 SLIDING_CUTOFF = 100.0
 """rad/s of the filter of the sliding variable, for the speeds at which friction acts"""
@@ -54,10 +62,8 @@ def predicted(model: ReducedModel, period: Period, memory: FilteredTwice, cutoff
     rubbing = period.v - period.s + sliding
     rows, torque, first = TorqueFilter(cutoff, period.period).predicted(model, period, memory.first, rubbing)
     keep = decayed(cutoff * period.period)[0]
-    places, last, k = momentum_columns(model), iter(memory.second.regressor), len(model.columns)
-    kept = [[keep * next(last) + (1.0 - keep) * row[j] for j in at] for row, at in zip(rows, places, strict=True)]
+    second = low_pass(nonzero(rows, model), memory.second.regressor, keep)
     torque = keep * memory.second.torque + (1.0 - keep) * torque
     speed = keep * memory.speed + (1.0 - keep) * period.v
-    twice = [spread(Column(entries), at, k) for entries, at in zip(kept, places, strict=True)]
-    second = Filtered(Column(x for entries in kept for x in entries), torque)
-    return FilteredPrediction(twice, torque, speed, rubbing, FilteredTwice(first, second, speed, sliding))
+    after = FilteredTwice(first, Filtered(second, torque), speed, sliding)
+    return FilteredPrediction(spread_rows(second, model), torque, speed, rubbing, after)
