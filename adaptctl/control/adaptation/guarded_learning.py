@@ -313,7 +313,7 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         states = (young, end.alarm, where(still, watch.announced[0], 0.0), decision)
         doubts = Column(where(still, x, 0.0) for x in doubt)
         watch = Watch(trusted, noise, doubts, sample.moving, *(Column((x,)) for x in states))
-        sums = verdict.after.times(1.0 - verdict.payload)
+        sums = verdict.after.cleared(1.0 - verdict.payload)
         return after, GuardedMemory(stored, filtered, watch, sums, weight, touch, memory.sent, memory.prior)
 
     def decision(self, memory: GuardedMemory) -> str:

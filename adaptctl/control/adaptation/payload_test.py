@@ -47,23 +47,27 @@ class LineSums(NamedTuple):
 
 
 class PayloadSums(NamedTuple):
-    """Normal equations of ten payload parameters, sums of lines in time, and those of weights without inertia."""
+    """
+    Normal equations of ten payload parameters, sums of lines in time, and those of weights without inertia.
+
+    `valid` (1,) is a factor of all, 1 or 0, which the next period takes into account.
+    """
 
     normal: Any
     right: Any
     lines: LineSums
     weight: WeightSums
+    valid: Any
 
     @classmethod
     def zero(cls, model: ReducedModel) -> PayloadSums:
         """No data."""
         lines = LineSums(*(np.zeros(model.mechanism.dof) for _ in LineSums._fields))
-        return cls(np.zeros(55), np.zeros(10), lines, WeightSums.zero(model))
+        return cls(np.zeros(55), np.zeros(10), lines, WeightSums.zero(model), np.ones(1))
 
-    def times(self, kept: Scalar) -> PayloadSums:
-        """All sums times a factor."""
-        lines, weight = LineSums(*(kept * x for x in self.lines)), WeightSums(*(kept * x for x in self.weight))
-        return PayloadSums(kept * self.normal, kept * self.right, lines, weight)
+    def cleared(self, kept: Scalar) -> PayloadSums:
+        """The same times a factor."""
+        return self._replace(valid=Column((kept,)))
 
 
 class LoadVerdict(NamedTuple):
@@ -129,7 +133,8 @@ class PayloadTest:
 
         `weights` are rows of `steady_weight`, `shares` (r,) weigh squared misses, `noise` (r,) is their usual size.
         """
-        lines, keep = [self._effects(row) for row in rows], step.going / (1.0 + step.period / WINDOW)
+        keep = sums.valid[0] * (step.going / (1.0 + step.period / WINDOW))
+        lines = [self._effects(row) for row in rows]
         normal, right = rank_update(sums.normal, lines, shares, keep, 0.0), keep * sums.right
         for line, share, miss in zip(lines, shares, missed, strict=True):
             right = right - (share * miss) * line
@@ -152,7 +157,7 @@ class PayloadTest:
         better = where(left < MAX_LEFT_RATIO * pushed, 1.0, step.announced)
         contact = full * where(pushed - usual < MAX_LEFT * whole, 1.0, 0.0) * (1.0 - payload * better)
         taken = self._change(self._compact(own, normal + self._prior, right))
-        return LoadVerdict(payload * better, contact, taken, PayloadSums(normal, right, after, weight))
+        return LoadVerdict(payload * better, contact, taken, PayloadSums(normal, right, after, weight, Column((1.0,))))
 
     def _compact(self, own: Column, normal: Column, right: Column) -> Column:
         """Load (10,) that explains the misses about as well as its best fit does, with an inertia near a point mass's.
