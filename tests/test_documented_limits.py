@@ -12,6 +12,7 @@ from adaptctl.compilation import llvm, object_cache, routine, sine
 from adaptctl.contest import known
 from adaptctl.control import leaky_integral, ringing
 from adaptctl.control.adaptation import two_stage_filter
+from adaptctl.control.excitation import torque_uncertainty
 from adaptctl.control.gains import sampling_ratio
 from adaptctl.description import pose, right_angles
 from adaptctl.description.readers import entries, mjcf, xml_elements
@@ -97,6 +98,7 @@ STATED = [
     ("concepts", f"at least {power(certificate.MIN_SINGULAR_VALUE_RATIO)}, and if"),
     ("concepts", f"close to round-off, below {power(certificate.MAX_RESIDUAL_SINGULAR_VALUE)} of $"),
     ("concepts", f"within round-off of such a value ({power(right_angles.EXACT_RIGHT_ANGLE)} rad"),
+    ("control", f"parameters above {percent(torque_uncertainty.OPEN_SHARE)} of a torque limit"),
     ("concepts", f"A value above {sampling_ratio.MAX_SAMPLING_RATIO} is refused"),
     ("concepts", f"in steps of at most {continuation.MAX_PRIMARY_STEP} rad"),
     ("concepts", f"Mechanisms of more than {routine.MAX_COMPILED_LINKS} links run the same equations in Python"),

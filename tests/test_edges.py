@@ -15,6 +15,7 @@ from test_loops_in_closed_form import four_bar
 from adaptctl.control import BoundedGainForgetting, GainDesign, MinimumJerk, ReleasedGradient, SafetyFilter
 from adaptctl.control.adaptation.gradient import _is_positive_definite
 from adaptctl.control.gains.error_feedback import ErrorFeedback, _lag
+from adaptctl.control.gains.sampling_ratio import slowest_decay
 from adaptctl.errors import GainError, InputError, SingularityError
 from adaptctl.identifiability import FundamentalBasis, Relation, essential_space, fundamental_basis
 from adaptctl.identifiability.certificate import MAX_LISTED_VALUES, _listing
@@ -114,7 +115,9 @@ def test_small_gains_are_as_symmetric_as_large_ones() -> None:
 def test_a_theorem_is_not_given_where_the_hold_is_too_long() -> None:
     with pytest.raises(GainError, match=r"the sampling ratio is .*, but the theorem needs a ratio below 2"):
         ReleasedGradient.certified(MODEL, GAIN, 5000.0, 0.1)
-    assert ReleasedGradient.certified(MODEL, GAIN, 0.1, 1e-4).share < 1.1
+    law = ReleasedGradient.certified(MODEL, GAIN, 0.1, 1e-4)
+    assert law.share < 1.1
+    assert law.share * law.release == pytest.approx(slowest_decay(MODEL.mechanism, 0.1))
 
 
 def test_a_feedback_just_beyond_what_its_hold_carries_is_refused() -> None:
