@@ -38,5 +38,5 @@ def test_an_arm_comes_to_where_it_rests(effect: Effect, bound: float) -> None:
 
 
 def test_minutes_of_noise_leave_an_arm_where_it_rests() -> None:
-    runs = rested(Encoder(velocity_noise=0.03), 1e-3, 0.0, 300.0)
+    runs = rested(Encoder(velocity_noise=0.03), 1e-3, 0.0, 120.0)
     assert runs.final_rms_error.max() < 0.6e-3

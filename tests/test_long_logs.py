@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from nightly import at_night
 from synthetic_logs import Known, known
 
 from adaptctl.identification import long_logs
@@ -38,7 +39,7 @@ def both(case: Known, monkeypatch: pytest.MonkeyPatch) -> tuple[LogEvidence, Log
     return whole, gathered(case.guess, case.drives, logs)[0]
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.004])
+@pytest.mark.parametrize("delay", [at_night(0.0), 0.004])
 def test_sums_over_stretches_are_those_of_all_rows(both: tuple[LogEvidence, LogEvidence], delay: float) -> None:
     whole, long = (one.advanced(delay) if delay else one for one in both)
     assert isinstance(long, LongEvidence)

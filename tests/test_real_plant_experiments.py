@@ -70,6 +70,7 @@ def test_a_payload_is_learned_and_forgotten() -> None:
     assert content["final_rms_error"] < 0.3 * content["final_rms_error_adaptation_off"]
 
 
+@nightly
 def test_without_excitation_the_gradient_drifts_and_a_leak_holds() -> None:
     laws = ("sigma-modification", "gradient")
     settings = {"seed": 2, "duration": 60.0, "control_period": 4e-3, "position_noise": 4e-4, "leakage": 1.0}

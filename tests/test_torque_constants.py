@@ -74,6 +74,7 @@ def test_a_known_payload_settles_every_constant() -> None:
     assert any("identified from the known" in remark for remark in result.warnings)
 
 
+@nightly
 def test_one_known_constant_settles_the_others() -> None:
     result = found(3, [0.5, "unknown", "unknown"], (PAYLOAD,))
     assert constants(result) == pytest.approx(CONSTANTS, rel=0.03)

@@ -163,7 +163,12 @@ def test_published_counts(links: int) -> None:
 @pytest.mark.filterwarnings("ignore::adaptctl.errors.SimplificationWarning")
 @pytest.mark.parametrize(
     ("name", "floating"),
-    [("talos_reduced.urdf", True), ("solo12.urdf", True), ("anymal-kinova.urdf", False), ("ur5_robot.urdf", False)],
+    [
+        at_night(("talos_reduced.urdf", True)),
+        ("solo12.urdf", True),
+        ("anymal-kinova.urdf", False),
+        ("ur5_robot.urdf", False),
+    ],
 )
 def test_real_robots(name: str, floating: bool) -> None:
     by_svd, by_transfers = both(load(urdf(name), floating_base=floating))
