@@ -113,6 +113,10 @@ def test_the_uncertainty_is_the_jackknife_of_blocks_and_what_the_prior_holds_bac
     np.testing.assert_allclose(found.alone[own], np.linalg.inv(curvature[own]), rtol=1e-6)
     assert not found.alone[2].any()
     assert (found.student, found.untold.tolist()) == (Student(5), [])
+    fit.curvature = 1e-3 * curvature  # which determines not one parameter
+    inverse = np.linalg.inv(fit.curvature + pull)
+    found = uncertainty(evidence, fit)
+    np.testing.assert_allclose(found.bias, weight * 2.0 * 2.5 * inverse @ pull @ inverse, rtol=1e-6, atol=1e-9)
     fit.curvature = curvature.copy()
     fit.curvature[3] = fit.curvature[:, 3] = curvature[0] * np.array([1.0, 1.0, 1.0, 0.0])
     fit.curvature[3, 3] = fit.curvature[0, 0]
