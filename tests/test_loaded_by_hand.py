@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,9 +13,10 @@ from scipy.signal import lfilter
 from synthetic_logs import known
 
 from adaptctl.arrays import Array
-from adaptctl.identification import filtered_dynamics, lasting_errors, loaded_equations, loaded_fit
+from adaptctl.identification import delay, filtered_dynamics, lasting_errors, loaded_equations, loaded_fit
 from adaptctl.identification.autoregression import autoregression
 from adaptctl.identification.filtered_dynamics import RowFilter, SmoothMotion
+from adaptctl.identification.fit import FitSettings
 from adaptctl.identification.held_out import _predicted
 from adaptctl.identification.lasting_errors import with_lasting_errors
 from adaptctl.identification.loaded_fit import LoadedFit, _halved, _minimum
@@ -229,3 +231,59 @@ def test_short_series_persist_by_kendalls_bias_more_than_their_residuals(seed: i
     assert case == ("low" if whole <= 0.2 else "raised" if more < 0.98 else "most")
     expected = {"low": whole, "raised": more, "most": 0.98}[case]
     np.testing.assert_allclose(found, raw * expected / whole, rtol=1e-6, atol=1e-7)
+
+
+@dataclass(frozen=True)
+class Late:
+    """Evidence that is advanced by the delay found so far."""
+
+    rows: dict[float, Any]
+    by: float = 0.0
+    band: float = 4.0
+    blocks: int = 7
+
+    @property
+    def motions(self) -> list[Any]:
+        return [SimpleNamespace(log=SimpleNamespace(rate=rate)) for rate in (200.0, 50.0)]
+
+    @property
+    def sampled(self) -> Late:
+        return self
+
+    def advanced(self, delay: float) -> Late:
+        return replace(self, by=delay)
+
+    def fit(self, settings: FitSettings, blocks: range) -> FitSettings:
+        assert (settings.weight, settings.slow, settings.cutoff) == (0.01, 0.05, 4.0)
+        return settings
+
+
+@pytest.mark.parametrize(
+    ("share", "late", "value", "deviation", "rounds"),
+    [
+        (1.0, 0.02, 0.02, 1.3 * 0.003, 2),
+        (0.5, -0.02, -0.02, 1.3 * 0.003, 11),
+        (0.1, 0.02, 0.02 * (1.0 - 0.9**12), 1.3 * 0.003, 12),
+        (1.0, 0.9, 0.5, 0.5, 2),  # two periods of the band
+        (1.0, -0.9, -0.5, 0.5, 2),
+    ],
+)
+def test_a_delay_is_measured_until_it_hardly_changes(
+    share: float, late: float, value: float, deviation: float, rounds: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each time a share of what is left is found, with its deviation."""
+    seen: list[float] = []
+
+    def estimated(evidence: Late, fit: Any, inverse: Any, student: Student, lags: bool) -> delay.Delay:
+        assert (lags, student) == (True, Student(7))
+        seen.append(evidence.by)
+        return delay.Delay(share * (late - evidence.by), 0.003, np.array([float(len(seen))]))
+
+    monkeypatch.setattr(delay, "estimated_delay", estimated)
+    monkeypatch.setattr(delay, "inverse_curvature", lambda *_: (None, None))
+    found = delay.delay_of(Late({4.0: 1, 9.0: 2}))  # type: ignore[arg-type]
+    assert found.value == pytest.approx(value, abs=1e-5)
+    assert found.deviation == pytest.approx(deviation)
+    assert found.least == pytest.approx(0.1 / 50.0)
+    assert len(seen) == rounds
+    assert found.effect.tolist() == [rounds]

@@ -193,11 +193,11 @@ def test_a_frozen_position_stops_and_starts_at_a_quarter_of_the_top_speed(
     assert bool(list(frozen_position(period * np.arange(len(values)), values, JOINT))) == told
 
 
-def stamped(factors: Array, jitter: float = 0.0) -> list[str]:
-    """Words on the stamps of two joints that move by some factors (2,) of their way in six rows."""
+def stamped(factors: Array, jitter: float = 0.0, rows: int = 6) -> list[str]:
+    """Words on the stamps of two joints that move by some factors (2,) of their way in some rows."""
     phase = 2.0 * np.pi * np.arange(300) / 300.0
     ways = np.column_stack([1.02 - np.cos(phase), 2.04 - 2.0 * np.cos(phase + 0.1)])
-    ways[100:196:16] *= factors
+    ways[100 : 100 + 16 * rows : 16] *= factors
     time = np.arange(301.0) + jitter * (np.arange(301) % 10 == 0)
     return odd_stamps(time, np.concatenate([[[0.0, 0.0]], np.cumsum(ways * np.diff(time)[:, None], axis=0)]))
 
@@ -219,6 +219,11 @@ def test_rows_are_lost_where_all_joints_move_alike_and_two_fifths_off(
     factors: tuple[float, float], jitter: float, told: bool
 ) -> None:
     assert bool(stamped(np.array(factors), jitter)) == told
+
+
+@pytest.mark.parametrize(("rows", "told"), [(4, False), (5, True)])
+def test_rows_are_lost_five_times_or_not_at_all(rows: int, told: bool) -> None:
+    assert bool(stamped(np.array([2.0, 2.0]), rows=rows)) == told
 
 
 @pytest.mark.parametrize(

@@ -10,11 +10,12 @@ import pytest
 
 from adaptctl.arrays import Array
 from adaptctl.description import Joint
+from adaptctl.description.drive import DriveParameter
 from adaptctl.errors import InputError
 from adaptctl.identification import uncertainty as uncertainties
 from adaptctl.identification import validation
+from adaptctl.identification.column_units import Units
 from adaptctl.identification.columns import JointLog
-from adaptctl.identification.drives_file import Units
 from adaptctl.identification.hypothesis_rows import HypothesisRows
 from adaptctl.identification.logged_velocities import compared_velocities
 from adaptctl.identification.momentum_balance import MomentumBalance
@@ -175,7 +176,7 @@ def test_springs_are_tried_where_half_of_the_torques_is_left(
     left: float, fits: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     evidence = evidence_of(left, 0.0, False, monkeypatch)
-    validate_plausible(evidence, "log", 9.0, (validation.DriveParameter.STIFFNESS,))
+    validate_plausible(evidence, "log", 9.0, (DriveParameter.STIFFNESS,))
     assert len(evidence.seen) == fits
     assert ("stiffness" in evidence.seen[-1].words) == (fits == 2)
 
