@@ -11,7 +11,7 @@ import pytest
 from adaptctl.errors import FileError, InputError
 from adaptctl.identification.column_names import UNIT_TO_GIVE, _likely, column_name, likely_pair
 from adaptctl.identification.column_units import each_joint, factor, validate_fitting
-from adaptctl.identification.columns import same_place
+from adaptctl.identification.columns import _one_of, _pattern, _validate_all_joints, same_place
 from adaptctl.identification.drives_content import DrivesFile, MotorEntry, UnitsEntry, wrong_drives
 from adaptctl.identification.joined_files import joined
 from adaptctl.identification.unknown_columns import _likely_units, likely_unit, named_unit, validate_numbers
@@ -244,3 +244,57 @@ def test_files_of_equal_stamps_or_without_any_are_joined_row_by_row() -> None:
     units = [LogTable(f"{unit}.csv", {"time": TWO}, {"time": unit}) for unit in ("s", "ms")]
     with pytest.raises(FileError, match="other units"):
         joined("both", units)
+
+
+ROS = {"position": "position.{joint}", "torque": "effort.{joint}"}
+OWN = {"position": "p.{joint}", "torque": "applied.{joint}"}
+
+
+@pytest.mark.parametrize(
+    ("names", "given", "found"),
+    [
+        ("position.a position.b effort.a effort.b", {}, ROS),
+        ("position.a position.b effort.a effort.b velocity.a", {}, ROS),  # not of all joints
+        ("position.a position.b effort.a effort.b velocity.a velocity.b", {}, {**ROS, "velocity": "velocity.{joint}"}),
+        ("p.a p.b applied.a applied.b", {"time": "t"}, OWN),
+        ("p.a p.b q1 q2", {"torque": "q{}"}, {"position": "p.{joint}", "torque": "q{}"}),
+        ("p.a p.b applied.a applied.b", {"velocity": "w{}"}, {**OWN, "velocity": "w{}"}),
+        ("x1 x2", {"position": "x{}", "torque": "u{}"}, {"position": "x{}", "torque": "u{}"}),
+        ("p.a p.b x1", {"torque": "u{}"}, {"torque": "u{}"}),
+        ("a_torque b_torque v.a v.b", {}, {"torque": "{joint}_torque"}),
+    ],
+)
+def test_columns_are_those_of_usual_names_that_all_joints_have(
+    names: str, given: dict[str, str], found: dict[str, str]
+) -> None:
+    assert _pattern(columns_of(*names.split()), ["a", "b"], given) == found
+
+
+@pytest.mark.parametrize(
+    ("names", "given", "told"),
+    [
+        ("position.a effort.a effort.b", {}, "no column 'position.b' for position; the log has 1 of 2 joints"),
+        ("p.b applied.b", {}, "no column 'p.a' for position; the log has 1 of 2 joints"),
+        ("p.a applied.b", {}, ""),
+        ("p.a q1", {"torque": "q{}"}, ""),
+        ("p.a p.b applied.a applied.b", {}, ""),
+    ],
+)
+def test_a_log_of_some_of_the_joints_is_told_from_one_of_other_names(
+    names: str, given: dict[str, str], told: str
+) -> None:
+    log = columns_of(*names.split())
+    if not told:
+        _validate_all_joints(log, ["a", "b"], given)
+        return
+    with pytest.raises(FileError) as refused:
+        _validate_all_joints(log, ["a", "b"], given)
+    assert told in str(refused.value)
+
+
+def test_units_of_a_quantity_are_one_whatever_their_spelling() -> None:
+    assert _one_of(["N m", "Nm"], "torque", "a.csv") == "N m"
+    for what, units, more in (("position", ["rad", "deg"], True), ("torque", ["N m", "A"], False)):
+        with pytest.raises(InputError, match=rf"have different units \({', '.join(units)}\)") as refused:
+            _one_of(units, what, "a.csv")
+        assert ("or give one for each joint" in str(refused.value)) is more
