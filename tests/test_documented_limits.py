@@ -191,7 +191,7 @@ STATED = [
     ("identification", f"are exceeded by {percent(choice.OTHER_ROBOT_RATIO - 1.0)} even so"),
     ("identification", f"deviations over {counted(uncertainty.NEARLY_TOLD)} times as large"),
     ("identification", f"whose error is within {percent(hypotheses.ALIKE - 1.0)} of its own"),
-    ("identification", f"asks as much of {counted(hypotheses.JOINTS)} joints' errors"),
+    ("identification", f"asks as much of {counted(listed_hypotheses.JOINTS)} joints' errors"),
     ("identification", f"by a jackknife of {counted(time_scale.BLOCKS)} blocks"),
     (
         "identification",

@@ -173,8 +173,8 @@ def test_a_named_fault_refuses_a_log_unless_it_is_trusted(case: Known) -> None:
 def test_no_meaning_is_given_to_torques_that_were_not_measured(case: Known) -> None:
     verdict = judged(case, replace(case.log, torque=case.log.torque * SIGNS))
     with pytest.raises(InputError, match=r"^record the torque of joint1, or take the log as it is by --trust-log"):
-        validate_meaning(verdict, False, ["joint1"])
-    assert validate_meaning(verdict, True, ["joint1"]) == ()
+        validate_meaning(verdict, False, ["record the torque of joint1"])
+    assert validate_meaning(verdict, True, ["record the torque of joint1"]) == ()
 
 
 def test_torques_over_those_of_the_file_are_told_and_those_of_another_gear_side_asked_for(case: Known) -> None:

@@ -328,9 +328,9 @@ def test_a_meaning_refuses_a_log_unless_it_is_trusted_or_its_torques_are_dead() 
     with pytest.raises(InputError, match="a sign, or take the log as it is by"):
         validate_meaning(meaning("a sign", True), False)
     with pytest.raises(InputError, match="record the torque of elbow, or take"):
-        validate_meaning(meaning("a sign", True), False, ["elbow"])
-    assert validate_meaning(meaning("a sign", True), True, ["elbow"]) == ()
-    assert validate_meaning(meaning("a spring", False), False, ["elbow"]) == ("a spring",)
+        validate_meaning(meaning("a sign", True), False, ["record the torque of elbow"])
+    assert validate_meaning(meaning("a sign", True), True, ["record the torque of elbow"]) == ()
+    assert validate_meaning(meaning("a spring", False), False, ["record the torque of elbow"]) == ("a spring",)
 
 
 def test_meanings_that_fit_as_well_are_told_once_a_kind_the_best_first() -> None:

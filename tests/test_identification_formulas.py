@@ -17,6 +17,7 @@ from adaptctl.identification.drives_content import PayloadEntry
 from adaptctl.identification.fit import positive_columns
 from adaptctl.identification.hypothesis_rows import _windows
 from adaptctl.identification.instruments import _weakest
+from adaptctl.identification.least_squares import explained_squares
 from adaptctl.identification.loaded_equations import _first_ten
 from adaptctl.identification.momentum_balance import PackedRegressor
 from adaptctl.identification.noise_choice import _lasts
@@ -58,21 +59,24 @@ def test_the_drives_terms_that_must_be_positive_have_their_sizes() -> None:
 
 
 @pytest.mark.parametrize("turned", [20, 50, 70])
-def test_a_torque_turns_where_it_begins_to_agree_with_the_negative(turned: int) -> None:
-    """Rows that do not count, and those of other logs, do not either; the logs' rows are in no order."""
-    time = rng.permutation(np.repeat(0.1 * np.arange(100), 2))
-    here, used = np.ones(200, dtype=bool), np.ones((200, 2), dtype=bool)
-    told = rng.normal(size=(200, 2)) + np.array([0.0, 3.0])
-    torque = np.where(time[:, None] >= 0.1 * turned - 1e-9, -told, told)
-    here[:7], used[7:15, 1], torque[:15] = False, False, 1e3
-    rows: Any = SimpleNamespace(used=used, rows=SimpleNamespace(time=time, torque=torque))
-    at, gain = _turn(rows, here, told, 1)
+def test_a_torque_turns_where_least_squares_explains_most_by_its_negative(turned: int) -> None:
+    """Rows that do not count do not; they are in no order."""
+    time, Y = rng.permutation(np.repeat(0.1 * np.arange(100), 2)), rng.normal(size=(200, 2, 3))
+    here = np.arange(200) >= 15
+    torque = np.where(time[:, None] >= 0.1 * turned - 1e-9, [1.0, -1.0], 1.0) * (Y @ [1.0, -2.0, 3.0])
+    torque[~here] = 1e3
+    A, b = np.einsum("nji,njk->ik", Y[here], Y[here]), np.einsum("nji,nj->i", Y[here], torque[here])
+    rows: Any = SimpleNamespace(
+        rows=SimpleNamespace(time=time, torque=torque),
+        packed=SimpleNamespace(joint=lambda j: (np.arange(3), Y[:, j])),
+        explained=lambda columns, added, deviations: explained_squares(A, b + added),
+    )
+    other, one = np.diag([1.0, -1.0]), np.ones(2)
+    at, gain = _turn(rows, here, other, one, 1)
     assert at == pytest.approx(0.1 * turned)
-    squares = told[15:, 1] ** 2
-    late = squares[time[15:] >= 0.1 * turned - 1e-9].sum() / squares.sum()
-    assert gain == pytest.approx(2.0 * min(late, 1.0 - late))
-    few: Any = SimpleNamespace(used=used[:2], rows=SimpleNamespace(time=time[:2], torque=torque[:2]))
-    assert _turn(few, np.ones(2, dtype=bool), told, 0) == (np.inf, 0.0)
+    flat = Y[here].reshape(-1, 3)
+    assert gain == pytest.approx(np.linalg.lstsq(flat, torque[here].ravel())[1][0] / 185)
+    assert _turn(rows, here & (np.arange(200) < 17), other, one, 1) == (np.inf, 0.0)
 
 
 def test_rows_of_a_payload_are_summed_between_instants(monkeypatch: pytest.MonkeyPatch) -> None:

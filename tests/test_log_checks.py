@@ -19,7 +19,7 @@ from adaptctl.identification.fit import FitSettings
 from adaptctl.identification.friction_model import FrictionModel, unmoved_terms
 from adaptctl.identification.gathering import gathered
 from adaptctl.identification.identify import identified, identified_mechanism
-from adaptctl.identification.log_checks import checked_log, still_joints, still_words
+from adaptctl.identification.log_checks import checked_log, still_joints, still_words, unmeasured, validate_signed
 
 
 @pytest.fixture(scope="module")
@@ -176,3 +176,17 @@ def test_a_refusal_begins_with_the_fault_that_leads_to_it(case: Known) -> None:
     wrong = replace(case.log, torque=dead, velocity=60.0 * np.gradient(case.log.position, case.log.time, axis=0))
     with pytest.raises(InputError, match=r"'joint1' is .*: its sensor seems dead; synthetic: joint .*: logged velocit"):
         identified(case.guess, case.drives, [wrong])
+
+
+def test_what_was_not_measured_is_told_before_what_columns_mean(case: Known) -> None:
+    logs = [FAULTS[fault][0](case.log) for fault in ("a frozen position", "dead")]
+    remedies = ["record the torque of joint1", "cut the stretches out of the log that freeze joint1"]
+    assert unmeasured(logs, case.guess) == remedies
+    assert unmeasured([case.log], case.guess) == []
+
+
+def test_torques_of_several_joints_that_have_lost_their_signs_are_refused(case: Known) -> None:
+    with pytest.raises(InputError, match=r"never negative, of joints .*; torques without signs .*--trust-log"):
+        identified(case.guess, case.drives, [FAULTS["absolute values"][0](case.log)])
+    one = np.where(np.arange(3) == 1, np.abs(case.log.torque), case.log.torque)
+    validate_signed([replace(case.log, torque=one)], case.guess)

@@ -18,14 +18,11 @@ from adaptctl.identification.delay import Delay
 from adaptctl.identification.filtered_dynamics import SmoothMotion
 from adaptctl.identification.fit import LogEvidence
 from adaptctl.identification.hypothesis_rows import HypothesisRows, relative_error
-from adaptctl.identification.listed_hypotheses import MARGIN, Hypothesis, listed_hypotheses
+from adaptctl.identification.listed_hypotheses import Hypothesis, listed_hypotheses, of_one
 from adaptctl.identification.normal_equations import NormalEquations
 from adaptctl.identification.preparation import PreparationStep
 from adaptctl.stages import stage
 
-# Errors are means of joints: a warning, of which a fault of one joint is enough, asks of more joints no more than of
-# three.
-JOINTS = 3
 # Error of another meaning over that of the log as it is, up to which the log does not tell the two apart.
 ALIKE = 1.05
 # Hypotheses, the best by least squares, of which the consistent estimate is made.
@@ -105,16 +102,20 @@ def compared_hypotheses(
         f"{names}: {trial.words}: if so, the error of the consistent estimate falls from {error:.2%} to "
         f"{trial.error:.2%} of the torques; {hypothesis.remedy}{_or_else(found, found[best])}"
     )
-    refuses = hypothesis.refuses and MARGIN * trial.error <= error
+    refuses = hypothesis.refuses and hypothesis.refusal * trial.error <= error
     return LogMeaning(tuple(tried), sentence, refuses, *rows.file_slopes(), alike)
 
 
-def validate_meaning(verdict: LogMeaning, trusted: bool, dead: Sequence[str] = ()) -> tuple[str, ...]:
-    """Raise `InputError` for a log whose columns mean something else, unless it is trusted; else a warning, if any."""
-    if verdict.sentence is None or (dead and trusted):
+def validate_meaning(verdict: LogMeaning, trusted: bool, first: Sequence[str] = ()) -> tuple[str, ...]:
+    """
+    Raise `InputError` for a log whose columns mean something else, unless it is trusted; else a warning, if any.
+
+    No meaning explains what was not measured, for which something has to be done first.
+    """
+    if verdict.sentence is None or (first and trusted):
         return ()
-    if dead and verdict.refuses:  # no meaning explains torques that were not measured
-        raise InputError(f"record the torque of {', '.join(dead)}, or take the log as it is by {FLAG}")
+    if first and verdict.refuses:
+        raise InputError(f"{', and '.join(first)}, or take the log as it is by {FLAG}")
     if verdict.refuses and not trusted:
         raise InputError(f"{verdict.sentence}, or take the log as it is by {FLAG}")
     return (verdict.sentence,)
@@ -185,4 +186,4 @@ def _tried(rows: HypothesisRows, delay: Delay, error: float, x_as_is: Array) -> 
 
 def _margin(hypothesis: Hypothesis, dof: int) -> float:
     """Error as the log is over that of a hypothesis from which on this is named."""
-    return hypothesis.margin if hypothesis.refuses else hypothesis.margin ** min(1.0, JOINTS / dof)
+    return hypothesis.margin if hypothesis.refuses else of_one(hypothesis.margin, dof)

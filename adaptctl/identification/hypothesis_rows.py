@@ -19,7 +19,7 @@ from adaptctl.identification.consistent_estimate import consistent_estimates
 from adaptctl.identification.filtered_dynamics import MIN_ROWS, ROWS_PER_PERIOD, RowFilter, Rows, SmoothMotion
 from adaptctl.identification.fit import FitSettings, LogEvidence
 from adaptctl.identification.friction_model import SIMPLE_FRICTION
-from adaptctl.identification.least_squares import each_weighted, weighted_least_squares
+from adaptctl.identification.least_squares import each_weighted, explained_squares, weighted_least_squares
 from adaptctl.identification.momentum_balance import PackedRegressor
 from adaptctl.identification.normal_equations import NormalEquations
 from adaptctl.identification.payloads import without_payloads
@@ -189,6 +189,14 @@ class HypothesisRows:
         """Parameters (P,) and deviations (r,) by least squares; further columns than the mechanism's are free."""
         more = np.arange(len(self.evidence.mechanism.parameter_names), equations.moment.shape[-1])
         return weighted_least_squares(equations, np.concatenate([self._independent, more]))
+
+    def explained(self, columns: NDArray[np.int64], added: Array, deviations: Array) -> Array:
+        """Squares (k,) explained by least squares with the joints' deviations (r,) if moments (k, c) are added."""
+        A, b = self.mixed(np.eye(len(deviations))).whitened(deviations)
+        moments = np.tile(b, (len(added), 1))
+        moments[:, columns] += added
+        own = self._independent
+        return np.asarray(explained_squares(A[np.ix_(own, own)], moments[:, own]))
 
     def least_errors(self, mixings: Array) -> Array:
         """Relative errors (B,) of least squares on the motion as it is and on torques of matrices (B, r, r)."""

@@ -37,11 +37,12 @@ from adaptctl.identification.instruments import without_position_noise
 from adaptctl.identification.lasting_errors import with_lasting_errors
 from adaptctl.identification.log_checks import (
     checked_log,
-    dead_joints,
     found_faults,
     still_joints,
     still_words,
     told_first,
+    unmeasured,
+    validate_signed,
 )
 from adaptctl.identification.log_files import read_log
 from adaptctl.identification.one_way import one_way_words
@@ -268,6 +269,8 @@ def _of_checked(
     trust_log: bool,
 ) -> Identification:
     """Identification from logs whose impossible rows are filled, and from facts about them."""
+    if not trust_log:
+        validate_signed((*train, *test), mechanism)
     whole = _completed(mechanism, drives, train, skip_steps)
     train, test = ([with_constants(log, drives, whole.drives.constants) for log in logs] for logs in (train, test))
     drives = whole.drives
@@ -284,7 +287,8 @@ def _of_checked(
         judged = gathered(mechanism, drives, test, skip_steps, cutoffs=cutoffs, band=evidence.band)[0]
     delay = delay_of(training, springs)
     meaning = compared_hypotheses(measured, delay, () if late else judged.motions, springs)
-    doubts = validate_meaning(meaning, trust_log, dead_joints((*train, *test), mechanism))
+    first = unmeasured((*train, *test), mechanism) if meaning.sentence else ()
+    doubts = validate_meaning(meaning, trust_log, first)
     with told_first(doubts):
         validate_plausible(training, train[0].source, judged_at(training), spring_kinds(mechanism))
     training, judged, delayed, late_torques = without_delay(delay, training, judged, springs)
@@ -376,15 +380,12 @@ def identified_mechanism(evidence: LogEvidence, fit: Fit, file: Mechanism) -> Me
     names = [name for name, kept in zip(full.parameter_names, mask, strict=True) if kept]
     values = dict(zip(full.parameter_names, fit.x.tolist(), strict=True))
     known = dict(zip(file.parameter_names, file.inertial_parameters.tolist(), strict=True))
-    unmoved = {name: known[name] for name in fit.settings.untold if name in known and not _is_spring(name)}
+    kept = (name for name in fit.settings.untold if name in known)
+    unmoved = {name: known[name] for name in kept if not DriveParameter(name.rsplit(".", 1)[1]).is_spring}
     names, values = [*names, *unmoved], values | unmoved
     drives = [_with_terms(link.joint.drive, link.joint.name, names) for link in full.links]
     shaped = full.with_drives(drives)
     return shaped.with_parameters([values[name] for name in shaped.parameter_names])
-
-
-def _is_spring(name: str) -> bool:
-    return DriveParameter(name.rsplit(".", 1)[1]).is_spring
 
 
 def _with_terms(drive: Drive, joint: str, names: Sequence[str]) -> Drive:

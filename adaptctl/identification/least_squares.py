@@ -46,6 +46,13 @@ def _solution(scaled: Array, wanted: Array) -> Array:
     return np.asarray(vectors[:, kept] @ ((vectors[:, kept].T @ wanted) / values[kept]))
 
 
+def explained_squares(A: Array, b: Array) -> Array:
+    """Squares (k,) that least squares explain of several moments (k, c) of one normal matrix (c, c)."""
+    size = np.sqrt(np.where(np.diag(A) > 0.0, np.diag(A), 1.0))
+    scaled, wanted = A / np.outer(size, size), b / size
+    return np.asarray(np.sum(wanted.T * np.linalg.lstsq(scaled, wanted.T, MIN_EIGENVALUE_RATIO)[0], axis=0))
+
+
 def weighted_least_squares(equations: NormalEquations, columns: NDArray[np.int64]) -> tuple[Array, Array]:
     """Parameters (P,) and residual deviations (r,) of joints, weighted by their inverse squares (Gautier 1997)."""
     (x,), (deviations,) = each_weighted(equations.whole, columns)

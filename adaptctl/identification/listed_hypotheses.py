@@ -24,6 +24,8 @@ from adaptctl.logs.units import POSITION
 # Error as the log is over that of a hypothesis from which on this is named and, if it refuses, the log is refused; and
 # from which on one is named that tells by itself that it is beyond doubt.
 MARGIN, LEAST_MARGIN = 1.5, 1.1
+# Errors are means of joints: where a fault of one joint is enough, more joints are asked for no more than three are.
+JOINTS = 3
 # Factor of one torque from which on it is no calibration; octaves that are tried, and steps of the search in one.
 LEAST_SCALE, OCTAVES, SCALE_STEPS = 2.0, 10, 8
 # m/s^2, for a file without gravity; rounds of the search for a tilt.
@@ -39,7 +41,7 @@ SPRING, COUNTERBALANCE, DELAY = "a spring", "a counterbalance", "delay of the to
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """Hypothesis: its kind and words, what to do if it is so, its equations, and if a log is refused for it."""
+    """Hypothesis: kind, words, what to do if it is so, equations, and whether and from which margin on it refuses."""
 
     kind: str
     words: str
@@ -47,6 +49,7 @@ class Hypothesis:
     equations: Callable[[], NormalEquations]
     refuses: bool = True
     margin: float = MARGIN
+    refusal: float = MARGIN
     holds: Callable[[Array], bool] = lambda x: True
     told: Callable[[Array], str] = lambda x: ""
 
@@ -69,6 +72,11 @@ def listed_hypotheses(rows: HypothesisRows, delay: Delay) -> Iterator[Hypothesis
     yield from _scales(rows)
     yield from () if rows.springs else _springs(rows)
     yield from _payloads(rows)
+
+
+def of_one(margin: float, joints: int) -> float:
+    """Margin of the mean of joints for which a fault of one is enough."""
+    return float(margin ** min(1.0, JOINTS / joints))
 
 
 def _mixing(rows: HypothesisRows, change: Array) -> Array:
@@ -150,7 +158,8 @@ def _signs(rows: HypothesisRows) -> Iterator[Hypothesis]:
         words = f"column {motors[turn.joint].torque!r}{log} has the other sign from {turn.time:.4g} s on"
         remedy = "negate it there, or cut the log there"
         turned = partial(replace, turn.equations)
-        yield Hypothesis("a sign that turns", words, remedy, turned, margin=LEAST_MARGIN)  # agrees before and after
+        least = of_one(MARGIN, len(motors))  # as nothing else agrees before and after
+        yield Hypothesis("a sign that turns", words, remedy, turned, margin=LEAST_MARGIN, refusal=least)
     if len(motors) > 1:
         yield Hypothesis(
             "sign of all torques", "all torques have the other sign", "negate them", partial(rows.mixed, -one)

@@ -41,6 +41,7 @@ FROZEN_TIME, FROZEN_SAMPLES, FROZEN_RATIO, FEWER_RATIO = 0.1, 20, 10.0, 4.0
 # Shares of a torque's maximum, below and above which it is clear whether it is at 0, and times that it falls to 0 and
 # keeps its sign from which on that was taken off.
 NEAR_ZERO, FROM_ZERO, FALLS = 0.03, 0.15, 5
+FILLED = "; filled from their neighbours"
 # Samples by which stretches of several joints differ that froze at once.
 AT_ONCE = 2
 # Range of torques over the largest of a robot's, below which it is dead, and share of rows with a value of their own
@@ -95,8 +96,9 @@ def _of_columns(columns: Sequence[Array], before: Array) -> Array:
 
 
 def found_faults(logs: Sequence[JointLog], checked: Sequence[JointLog]) -> list[str]:
-    """Sentences on the faults that the checks of logs have found."""
-    return [note for log, own in zip(logs, checked, strict=True) for note in own.notes[len(log.notes) :]]
+    """Sentences on the faults that the checks of logs have found and not mended."""
+    each = (note for log, own in zip(logs, checked, strict=True) for note in own.notes[len(log.notes) :])
+    return [note for note in each if not note.endswith(FILLED)]
 
 
 @contextmanager
@@ -122,10 +124,18 @@ def still_joints(logs: Sequence[JointLog], mechanism: Mechanism) -> list[str]:
     return [joint.name for joint, way in zip(mechanism.primary_joints, moved, strict=True) if way < LEAST_JUMP]
 
 
-def dead_joints(logs: Sequence[JointLog], mechanism: Mechanism) -> list[str]:
-    """Names of the joints that move while their torques are dead, in any log."""
+def unmeasured(logs: Sequence[JointLog], mechanism: Mechanism) -> list[str]:
+    """Remedies for joints that move while their torques are dead, or their positions frozen, in any log."""
     dead = np.any([_dead(log.position.T, log.torque.T) for log in logs], axis=0)
-    return [joint.name for joint, own in zip(mechanism.primary_joints, dead, strict=True) if own]
+    frozen = np.any([list(_are_frozen(log, mechanism.primary_joints)) for log in logs], axis=0)
+    each = (("record the torque of", dead), ("cut the stretches out of the log that freeze", frozen))
+    names = np.array([joint.name for joint in mechanism.primary_joints])
+    return [f"{what} {', '.join(names[own].tolist())}" for what, own in each if own.any()]
+
+
+def _are_frozen(log: JointLog, joints: Sequence[Joint]) -> Iterator[bool]:
+    for own, joint in zip(each_column(log.position), joints, strict=True):
+        yield any(frozen_position(log.time, own, joint))
 
 
 def _dead(position: Iterable[Array], torque: Iterable[Array]) -> NDArray[np.bool_]:
@@ -147,7 +157,7 @@ def _filled_words(log: JointLog, joint: Joint, what: str, wrong: NDArray[np.bool
     count = int(wrong.sum())
     row = int(np.argmax(wrong))
     where = f"the first in row {row + 1}, at {log.time[row]:.6g} s"
-    return [f"joint {joint.name!r} has {count} {what}, {where}; filled from their neighbours"] if count else []
+    return [f"joint {joint.name!r} has {count} {what}, {where}{FILLED}"] if count else []
 
 
 def _impossible(values: Array, periods: Array | float = 1.0) -> tuple[NDArray[np.bool_], Array]:
@@ -216,10 +226,22 @@ def _clipped_words(torque: Array, joint: Joint) -> Iterator[str]:
         )
 
 
-def _absolute_words(torque: Sequence[Array], joints: Sequence[Joint]) -> Iterator[str]:
-    """Sentence on torques that fall to nearly 0 and rise again, often, and are never negative."""
+def validate_signed(logs: Sequence[JointLog], mechanism: Mechanism) -> None:
+    """Raise `InputError` for a log of which several joints' torques are absolute values."""
+    for log in logs:
+        if len(_absolute(each_column(log.torque), mechanism.primary_joints)) > 1:
+            raise InputError("torques without signs tell no links; --trust-log takes them as they are")
+
+
+def _absolute(torque: Iterable[Array], joints: Sequence[Joint]) -> dict[str, int]:
+    """Numbers of times, by joints' names, that torques which are never negative fall to nearly 0, if often."""
     falls = {joint.name: _falls(own) for own, joint in zip(torque, joints, strict=True)}
-    if found := [f"{name!r} ({count} times)" for name, count in falls.items() if count >= FALLS]:
+    return {name: count for name, count in falls.items() if count >= FALLS}
+
+
+def _absolute_words(torque: Sequence[Array], joints: Sequence[Joint]) -> Iterator[str]:
+    """Sentence on torques that are absolute values."""
+    if found := [f"{name!r} ({count} times)" for name, count in _absolute(torque, joints).items()]:
         yield (
             f"torques fall to 0 and are never negative, of joints {', '.join(found)}: are they absolute values? Record "
             "them with their signs"
