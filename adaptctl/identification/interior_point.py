@@ -31,15 +31,18 @@ FLAT = DIRECTIONS.reshape(10, 16)
 # Share of the way to the cone's edge that a step takes, and share of the multipliers at the start of those that balance
 # the data there.
 EDGE_SHARE, FIRST_SHARE = 0.95, 0.1
-# Share of a step below which one that only centers is tried, on some times the mean of P Z: else some searches go round
-# for ever.
-SHORT, CENTER = 0.3, 3.0
+# Factor on the mean of P Z beyond which a step has too much of the corrector, and share of a step below which one that
+# only centers is tried, on some times that mean: else some searches go round for ever.
+LEAP, SHORT, CENTER = 10.0, 0.3, 3.0
 # Fall of the objective over the squares below which it is round-off.
 LEAST_FALL = 1e-14
 # Sum of the divergence's weights relative to the squares below which it is lost in round-off, and taken to be so large.
 LEAST_WEIGHT = 1e-13
 # Share of each column's square that is added, since data may not tell columns without a prior apart.
 RIDGE_RATIO = 1e-11
+
+# Steps (m, P) of parameters and of multipliers, and shares (m,) of them.
+Move = tuple[Array, Array, Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,28 +248,35 @@ class Newton:
         return np.minimum(1.0, most / np.maximum(-least, 1e-12))
 
     def next_point(self, small_slope: float) -> Points:
-        """Points after steps with Mehrotra's corrector, or after those that only center, where these are longer."""
-        (S, s), (T, t) = map(self.parted, predicted := self.step(np.ones(len(self.times))))
+        """Points after steps with Mehrotra's corrector, or less of it, or after those that only center."""
+        predicted = self.step(np.ones(len(self.times)))
         share = self.share(predicted, 1.0)
-        bent = np.where(self.slope_error < small_slope, share**2, 1.0)
-        corrected = 0.5 * _wide(bent, 4) * (S @ T + T @ S), bent[:, None] * s * t
-        steps = self.step(self._target(predicted, share), *corrected)
-        taken = self.share(steps, EDGE_SHARE)
-        if np.any(taken < SHORT):
-            centering = self.step(CENTER * self.spread)
-            other = self.share(centering, EDGE_SHARE)
-            better = (taken < SHORT) & (other > taken)
-            step, multiplier = (np.where(better[:, None], *both) for both in zip(centering, steps, strict=True))
-            return self.moved(step, multiplier, np.where(better, other, taken))
-        return self.moved(*steps, taken)
+        target = np.clip(self._mean(*predicted, share), 1.0, np.maximum(self.spread, 1.0))
+        best = self._corrected(predicted, target, np.where(self.slope_error < small_slope, share**2, 1.0))
+        for bent in (share**2, np.zeros(len(share))):
+            if not np.any(leaps := self._mean(*best) > LEAP * self.spread):
+                break
+            best = _chosen(leaps, self._corrected(predicted, target, bent), best)
+        if np.any(short := best[2] < SHORT):
+            centering = self._within(self.step(CENTER * self.spread))
+            best = _chosen(short & (centering[2] > best[2]), centering, best)
+        return self.moved(*best)
 
-    def _target(self, predicted: tuple[Array, Array], share: Array) -> Array:
-        """Targets (m,) of the ratios: the mean that predicted steps leave, from that at the end to what it is now."""
+    def _corrected(self, predicted: tuple[Array, Array], target: Array, bent: Array) -> Move:
+        """Steps to targets (m,) with shares (m,) of the products that the predicted ones leave, and how far to go."""
         (S, s), (T, t) = map(self.parted, predicted)
+        return self._within(self.step(target, 0.5 * _wide(bent, 4) * (S @ T + T @ S), bent[:, None] * s * t))
+
+    def _within(self, steps: tuple[Array, Array]) -> Move:
+        return *steps, self.share(steps, EDGE_SHARE)
+
+    def _mean(self, step: Array, other: Array, share: Array) -> Array:
+        """Means (m,) of the ratios after shares (m,) of the steps of parameters and of multipliers."""
+        (S, s), (T, t) = map(self.parted, (step, other))
         V, v = diagonal(self.point.values), self.point.own
         after = np.sum((V + _wide(share, 4) * S) * (V + _wide(share, 4) * T), axis=(1, 2, 3)) / self.problem.weight
         after += np.sum((v + share[:, None] * s) * (v + share[:, None] * t), axis=1) / POSITIVE_WEIGHT
-        return np.clip(after / (self.times * self.ratios.shape[1]), 1.0, np.maximum(self.spread, 1.0))
+        return np.asarray(after / (self.times * self.ratios.shape[1]))
 
     def moved(self, step: Array, other: Array, share: Array) -> Points:
         """Points after shares (m,) of the steps of parameters and of multipliers."""
@@ -316,6 +326,12 @@ class Map:
         out[:, :count] = (blocks @ links).reshape(out[:, :count].shape)
         out[:, self.positive] = self.sizes[..., None] * values[:, self.positive]
         return out
+
+
+def _chosen(which: NDArray[np.bool_], some: Move, others: Move) -> Move:
+    """Some steps and their shares where a mask (m,) says so, else others."""
+    step, other = (np.where(which[:, None], *both) for both in zip(some[:2], others[:2], strict=True))
+    return step, other, np.where(which, some[2], others[2])
 
 
 def _coordinates(matrices: Array) -> Array:
