@@ -12,17 +12,19 @@ from scipy.linalg import expm
 from two_links import ARM, AT_REST, LIMITS, changed
 
 from adaptctl.control import Gains, Sinusoids
+from adaptctl.control.gains.gains import finite_torque_limits
 from adaptctl.control.gains.workspace import MAX_RANGE
 from adaptctl.description import JointKind, Limits
 from adaptctl.description.drive import Drive
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.errors import InputError
-from adaptctl.tuning import with_friction
+from adaptctl.tuning import tune, with_friction
 from adaptctl.tuning.default_gains import DefaultGains, _groups, prior_ranges
 from adaptctl.tuning.feasible_gains import (
     FeasibleGains,
     _validate_inertia,
     _Worst,
+    assumed_limits,
     feasible_gains,
     limitations,
     recoverable_error,
@@ -127,6 +129,16 @@ def test_joints_that_a_small_push_moves_far_are_told() -> None:
     assert told([0.9, 1.1]).startswith("elbow: a push of 5% of the torque limit moves it by more than 1 rad")
     assert told([1.1, 1.1]).startswith("shoulder, elbow: ")
     assert told([9.0, 9.0], changed(lambda joint: replace(joint, limits=Limits()), 0)).startswith("elbow: ")
+
+
+def test_limits_that_are_assumed_are_told() -> None:
+    without = changed(lambda joint: replace(joint, limits=Limits()), 1)
+    limit = finite_torque_limits(without)[1]
+    told = f"elbow: no torque limits are given; {limit:.3g} N m (N) are assumed, 4 times what moves the arm"
+    assert assumed_limits(ARM) == ""
+    assert assumed_limits(without).startswith(told)
+    notes = tune(without, control_period=4e-3, nominal_only=True).notes
+    assert assumed_limits(without) in notes
 
 
 def test_gains_hold_without_the_friction_of_the_file() -> None:

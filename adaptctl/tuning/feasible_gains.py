@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from adaptctl.arrays import Array
 from adaptctl.control import Gains
 from adaptctl.control.controller import Reference
+from adaptctl.control.gains.gains import TORQUE_MARGIN, finite_torque_limits
 from adaptctl.control.gains.sampling_ratio import sampled_inertia
 from adaptctl.control.gains.workspace import reachable
 from adaptctl.dynamics import Mechanism
@@ -150,6 +151,19 @@ def yielding_note(mechanism: Mechanism, gains: Gains) -> str:
     return (
         f"{', '.join(names)}: a push of {PUSH_SHARE:.0%} of the torque limit moves {whom} by more than {MAX_YIELD:g} "
         "rad (m) before it is learned: what moves is light for these limits; give lower ones, or rotor_inertia"
+    )
+
+
+def assumed_limits(mechanism: Mechanism) -> str:
+    """Sentence on the torque limits that are assumed where there are none; or empty."""
+    without = np.flatnonzero(np.isinf(mechanism.effort_limits)).tolist()
+    if not without:
+        return ""
+    names = ", ".join(mechanism.primary_joints[j].name for j in without)
+    assumed = ", ".join(f"{x:.3g}" for x in finite_torque_limits(mechanism)[without])
+    return (
+        f"{names}: no torque limits are given; {assumed} N m (N) are assumed, {TORQUE_MARGIN:g} times what moves the "
+        "arm: give effort in the file"
     )
 
 

@@ -31,7 +31,7 @@ from adaptctl.tuning.default_gains import (
     at_most,
     near_reference,
 )
-from adaptctl.tuning.feasible_gains import MIN_BANDWIDTH, FeasibleGains, limitations, yielding_note
+from adaptctl.tuning.feasible_gains import MIN_BANDWIDTH, FeasibleGains, assumed_limits, limitations, yielding_note
 from adaptctl.tuning.feasible_reference import TORQUE_SHARE, FeasibleReference
 from adaptctl.tuning.learning_rule import MAX_LEARNED, learning_by_rule, slotine_li
 from adaptctl.tuning.rotors import rotor_note
@@ -432,7 +432,7 @@ def _notes(mechanism: Mechanism, found: FeasibleReference, carried: FeasibleGain
             )
         if (rate := carried.gains.bandwidth[j]) < MIN_BANDWIDTH:
             yield f"{joint.name}: the torque limit allows a bandwidth of only {rate:.2g} 1/s: adaptation takes minutes"
-    yield from filter(None, (rotor_note(mechanism), yielding_note(mechanism, carried.gains)))
+    yield from filter(None, (assumed_limits(mechanism), rotor_note(mechanism), yielding_note(mechanism, carried.gains)))
     if plant.integrator.implicit:
         explicit = f"{MAX_EXPLICIT_SUBSTEPS} explicit steps per period"
         yield f"friction is too stiff for {explicit}: {plant.substeps} implicit steps are used"
