@@ -83,6 +83,16 @@ def test_without_time_to_act_it_is_slotine_and_lis_law() -> None:
     np.testing.assert_allclose(runs[0].p, runs[1].p, atol=1e-9)
 
 
+def test_noise_of_speeds_does_not_add_up() -> None:
+    """At rest half the difference of two speeds is left of the noise."""
+    K, aim = gains(SMALL).damping, swinging(arm(SMALL), amplitude=0.0)(0.0)
+    law = LeakyIntegral(reduced(SMALL), 5.0, K, initial=reduced(SMALL).fundamental_parameters, torque_limits=np.inf)
+    state, noise = law.init(aim.p, 0.0 * aim.p), np.random.default_rng(0).uniform(-0.03, 0.03, (2000, 3))
+    for v in noise:
+        _, state = law.step(state, aim.p, v, aim)
+        assert np.all(np.abs(state.controller_state.torque) <= 0.03 * 40.0 * 1e-3 * K)
+
+
 def test_the_default_law_follows_friction_that_is_in_no_model_as_the_gradient_does() -> None:
     def errors(law: str) -> list[float]:
         entry = ContestEntry(law, "puma560_arm3", "", ("stribeck",), (1,), 8.0, (), "adaptctl")

@@ -83,8 +83,9 @@ class LeakyIntegral(SlotineLi):
         \tau=Y\hat\beta-Ks+z,\quad \dot z=-\rho Ks-\mu z,
 
     where z estimates a constant torque that is truly zero: :math:`V+\tfrac12z^\top(\rho K)^{-1}z` falls [1]_, also
-    while the rate does, by 2 mu at most. A law that predicts torques learns from those applied, with z among them, so
-    that z biases no estimate.
+    while the rate does, by 2 mu at most. The integral of s is corrected by what positions moved and measured speeds do
+    not tell, so that noise of speeds does not add up. A law that predicts torques learns from those applied, with z
+    among them, so that z biases no estimate.
 
     References
     ----------
@@ -118,21 +119,23 @@ class LeakyIntegral(SlotineLi):
             )
 
     def _feedback(self, at: Instant, memory: AdaptiveState) -> tuple[Column, FastTorque]:
-        damped = column(self.damping) * at.s
-        keep = 1.0 / (1.0 + self.leak * self.control_period)
-        before: FastTorque = memory.controller_state
+        damping, period, before = column(self.damping), self.control_period, memory.controller_state
+        missed = self._missed(at, memory)
+        keep = 1.0 / (1.0 + self.leak * period)
         rates = Column(self.integral_rate + self.added_rate * x for x in before.agreed)
-        grown = Column(before.torque) - (memory.dt[0] * rates) * damped
+        grown = Column(before.torque) - (memory.dt[0] * rates) * damping * (at.s + (1.0 / period) * missed)
         torque = self._bounded(keep * grown)
-        return damped - torque, FastTorque(torque, self._agreed(at, memory), at.v)
+        return damping * at.s - torque, FastTorque(torque, self._agreed(at, missed, before), at.v)
 
-    def _agreed(self, at: Instant, memory: AdaptiveState) -> Column:
-        """Shares (r,) of the time, which fall at twice the leak: the energy of a slower integral is larger."""
-        period, before = self.control_period, memory.controller_state
+    def _missed(self, at: Instant, memory: AdaptiveState) -> Column:
+        """Moves (r,) of the past period in rad (m) less those by the measured speeds: these drift with noise."""
         moved = at.p - Column(memory.q[i] for i in self.model.mechanism.description.primary)
-        late, changed = moved - (0.5 * period) * (at.v + before.v), (AGREEMENT * period) * (at.v - before.v)
-        fresh = 2.0 * self.leak * period
-        agrees = (where(absolute(x) < absolute(y), fresh, 0.0) for x, y in zip(late, changed, strict=True))
+        return moved - (0.5 * self.control_period) * (at.v + memory.controller_state.v)
+
+    def _agreed(self, at: Instant, missed: Column, before: FastTorque) -> Column:
+        """Shares (r,) of the time, which fall at twice the leak: the energy of a slower integral is larger."""
+        changed, fresh = (AGREEMENT * self.control_period) * (at.v - before.v), 2.0 * self.leak * self.control_period
+        agrees = (where(absolute(x) < absolute(y), fresh, 0.0) for x, y in zip(missed, changed, strict=True))
         return (1.0 / (1.0 + fresh)) * (before.agreed + Column(agrees))
 
     def _bounded(self, torque: Column) -> Column:
