@@ -131,8 +131,14 @@ def _law(plant: Plant, p: tuple[float, ...]) -> SlotineLi:
 
 
 def _slotine_li(plant: Plant, p: Array, model: ReducedModel, law: Gradient | GuardedLearning | None) -> SlotineLi:
-    few, at = np.full(plant.dof, 1e-9), Workspace.along(plant.mechanism, p, 0.0)
+    few, at = np.full(plant.dof, 1e-9), _near(plant.mechanism, tuple(p.tolist()))
     return slotine_li(model, few, few, law, None, plant.control_period, at, plant.torque_limits)
+
+
+@lru_cache(maxsize=8)
+def _near(mechanism: Mechanism, p: tuple[float, ...]) -> Workspace:
+    """Workspace of p alone, kept with what was found in it."""
+    return Workspace.along(mechanism, p, 0.0)
 
 
 DURATION = 20.0  # s
