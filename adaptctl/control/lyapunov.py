@@ -13,7 +13,7 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError, validate_kind
 from adaptctl.scalars import column
 
-SAMPLES = 1000
+SAMPLES = 4000
 """samples of a run whose energies by parameter are in memory at once"""
 
 
