@@ -188,8 +188,6 @@ def _functionals_at_zero(frames: JointFrames, across: Array, rates: Array) -> Ar
     for i, parent in enumerate(frames.parents):
         X, f = spans[parent]
         X, f = _moved(X, carried[i]), _moved(f, across[i])
-        if parent == GROUND:
-            f[:, 0] = 0.0  # A mass's potential at the tree's base is constant.
         out[i, 1 : 1 + len(X)] = X @ pairing[i]
         out[i, 7 : 7 + len(f)] = f @ rates[i]
         spans[i] = (_grown(X, frames.twists[i][None], bracket[i]), _grown(f, out[i], rates[i]))
