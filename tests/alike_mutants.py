@@ -12,6 +12,20 @@ ALIKE = {
     "adaptctl/identifiability/regrouping.py::Regrouping.leaves_more_than 1.0 -> 2.0 (again 2)": (
         "diagonals are at least 1, and tolerances far below a half"
     ),
+    "adaptctl/identifiability/proof/arithmetic.py::ranks 1 -> 2 (again 3)": "what is left of a last row is not read",
+    "adaptctl/scalars/scalar.py::logarithm 2.0 ** bit -> 2.0 * bit": "smaller powers take the rest away again",
+    "adaptctl/design/task.py::DesignTask.torques -1 -> +1": "of two axes the last is the second",
+    "adaptctl/dynamics/array_equations.py::_rows -1 -> +1 (again 1)": "what has the shape is broadcast to itself",
+    "adaptctl/identifiability/proof/joint_frames.py::_axis_frame abs(along) > precision.length * length -> "
+    "abs(along) >= precision.length * length": "no offset is the tolerance to the last bit",
+    "adaptctl/dynamics/loops/assembly.py::_validate_fit share > 1e-06 -> share >= 1e-06": "as above",
+    "adaptctl/dynamics/loops/continuation.py::Continuation._closed "
+    "self._gap(found) < CLOSURE_TOLERANCE -> self._gap(found) <= CLOSURE_TOLERANCE": "as above",
+    "adaptctl/dynamics/loops/continuation.py::Continuation.validate_regular "
+    "regularity[worst] >= MIN_REGULARITY -> regularity[worst] > MIN_REGULARITY": "as above",
+    "adaptctl/description/readers/mujoco_model.py::_rank 1e-300 -> 2e-300": (
+        "a spectrum of zeros is divided by anything but zero"
+    ),
     "adaptctl/identification/rate_change.py::<module> 17 -> 18": "rows that are compared at a time",
     "adaptctl/identification/rate_change.py::_bend clear > CLEAR -> clear >= CLEAR": (
         "no change is twice another to the last bit"

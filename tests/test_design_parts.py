@@ -11,11 +11,11 @@ import pytest
 from designs import task
 
 import adaptctl
-from adaptctl.description.inertia import is_physically_consistent
+from adaptctl.description.inertia import from_center_of_mass, is_physically_consistent
 from adaptctl.design import Counterweights, DesignTask, MountingBounds, box, camera, gripper, motor, sphere
 from adaptctl.design import counterweights as module
 from adaptctl.design.added_mass import CostMap
-from adaptctl.design.bodies import _mass, _size
+from adaptctl.design.bodies import _mass, _size, ball_tens
 from adaptctl.design.counterweights import optimal_counterweights
 from adaptctl.design.picture import _moved, colors, norm
 from adaptctl.design.simplifications import Simplification
@@ -36,6 +36,9 @@ def test_moments_of_boxes_and_balls_are_those_of_their_points() -> None:
     ball = sphere(3.0, density=5000.0)
     radius = np.cbrt(3.0 / 5000.0 / (4.0 / 3.0 * np.pi))
     np.testing.assert_allclose(ball.inertia, np.diag(moments(3.0, np.full(3, radius**2 / 5.0))))
+    place = np.array([0.1, -0.2, 0.4])
+    ten = from_center_of_mass(3.0, place, np.asarray(ball.inertia))
+    np.testing.assert_allclose(ball_tens(3.0, place, 5000.0), ten)
 
 
 @pytest.mark.parametrize("made", [gripper, motor, camera])

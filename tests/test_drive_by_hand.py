@@ -268,6 +268,13 @@ def test_a_loop_learns_where_its_torques_are_its_own(given: dict[str, Any], soun
     assert driven.state is (LEARNED if learns else KEPT)
 
 
+@pytest.mark.parametrize("place", [None, "tool"])
+def test_a_law_knows_measured_torques_where_the_sensor_has_a_place(place: str | None) -> None:
+    given = {"applied": "sent", "held_state": SimpleNamespace(feeling=lambda *of: of)}
+    driven = made(sensor=SimpleNamespace(wrench="w", point=place), wrench_torque=lambda p, *felt: [*felt], **given)
+    assert driven._told("before", reading()) == (("before", "sent", ["w", place]) if place else "before")
+
+
 @pytest.mark.parametrize(("error", "proves"), [(0.059, True), (0.06, False)])
 def test_an_estimate_is_proven_by_a_quarter_of_a_second_within_a_fifth_of_the_largest_error(
     error: float, proves: bool

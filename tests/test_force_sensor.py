@@ -108,6 +108,12 @@ def test_a_bad_sensor_is_refused_at_rest(forces: Any, said: str) -> None:
         ForceSensor(Sensed(forces), 10.0).rest()
 
 
+def test_a_short_gap_is_ridden_out_at_rest_too() -> None:
+    sensor = ForceSensor(Sensed(lambda k: None if k <= MAX_LOST else ForceReading(k * PERIOD, BIAS)), 10.0)
+    sensor.rest()
+    np.testing.assert_allclose(sensor.bias, BIAS)
+
+
 def test_a_gap_is_ridden_out_and_keeps_the_last_force() -> None:
     robot = Sensed(lambda k: ForceReading(k * PERIOD, BIAS + (k > SAMPLES)) if k < 60 or k > 68 else None)
     sensor = ForceSensor(robot, 10.0)

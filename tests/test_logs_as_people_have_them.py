@@ -382,6 +382,7 @@ def test_whole_numbers_that_floats_cannot_tell_apart_keep_their_differences(begi
     [
         ([7.0, 8.0], [0.0, 999_999_999.0], True),
         ([7.0, np.nan], [5.0, np.nan], True),
+        ([7.0, np.nan], [0.0, 5.0], True),
         ([7.0, 8.0], [0.0, 1e9], False),
         ([7.0, 8.0], [-1.0, 5.0], False),
         ([7.0, 8.0], [0.5, 5.0], False),

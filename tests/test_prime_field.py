@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adaptctl.identifiability.proof.arithmetic import PRIME, Modular, modular, residue
+from adaptctl.identifiability.proof.arithmetic import PRIME, Modular, modular, ranks, residue
 
 fractions = st.fractions(-1000, 1000, max_denominator=10**6)
 
@@ -25,6 +25,16 @@ def test_residues_reckon_like_fractions(x: Fraction, y: Fraction) -> None:
         assert (1.0 / b).residues == residue(1 / y)
     assert 0.0 * a == 0.0
     assert [modular(Fraction(n)) for n in (-1, 0, 1)] == [-1.0, 0.0, 1.0]  # floats, which cost nothing
+
+
+def test_ranks_of_small_matrices_are_those_of_their_factors() -> None:
+    """Also of zero, and where the first column is."""
+    rng = np.random.default_rng(0)
+    for rows, columns in ((3, 3), (3, 5), (5, 3)):
+        made = [rng.integers(1, 9, (rows, k)) @ rng.integers(1, 9, (k, columns)) for k in range(4)]
+        made += [one * (np.arange(columns) > 0) for one in made]
+        expected = [int(np.linalg.matrix_rank(one)) for one in made]
+        assert list(ranks(np.array(made) % PRIME)) == expected
 
 
 def test_the_modulus_is_a_prime_whose_products_fit_and_of_which_no_square_is_minus_one() -> None:

@@ -6,6 +6,7 @@ import io
 import json
 import subprocess
 import sys
+import warnings
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from types import SimpleNamespace
@@ -21,8 +22,9 @@ from rich.console import Console
 
 from adaptctl.cli.doctor import examined
 from adaptctl.cli.experiment import _computed
-from adaptctl.cli.main import main
-from adaptctl.cli.output import WrappedTable, titled
+from adaptctl.cli.main import _warnings_as_notes, _write_any_character, main
+from adaptctl.cli.output import WrappedTable, listed, titled
+from adaptctl.errors import TuningWarning
 
 ARM = "puma560_arm3"
 EXPERIMENT = ("experiment", "run", "adaptive", "--robot", ARM, "--duration", "0.05")
@@ -57,6 +59,8 @@ def test_tables_lose_no_number_whatever_the_width(width: int, rows: list[list[fl
 def test_what_is_below_a_title_is_indented_and_stands_alone(capsys: pytest.CaptureFixture[str]) -> None:
     Console(width=20).print(titled("Title", "one", "two"))
     assert [line.rstrip() for line in capsys.readouterr().out.splitlines()] == ["", "Title", "  one", "  two"]
+    Console(width=20).print(listed([("one", "two")], whole=True))
+    assert capsys.readouterr().out.split("\n") == ["one  two", ""]
 
 
 def validate_whole(found: dict[str, object], text: str) -> None:
@@ -146,3 +150,18 @@ def test_experiments_are_told_as_json_and_notes_come_last(tmp_path: Path) -> Non
 def test_list_is_told_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     found = told(capsys, "experiment", "list", "--json")
     assert {"name", "summary"} == set(found["experiments"][0])  # type: ignore[index]
+
+
+def test_a_warning_of_ours_is_a_note_and_is_shown_once(capsys: pytest.CaptureFixture[str]) -> None:
+    with _warnings_as_notes():
+        for text in ("slow", "slow", "light"):
+            warnings.warn(text, TuningWarning, stacklevel=1)
+    assert capsys.readouterr().err == "adaptctl: note: slow\nadaptctl: note: light\n"
+
+
+def test_what_an_encoding_has_not_is_written_by_its_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    written = io.BytesIO()
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(written, encoding="ascii"))
+    _write_any_character()
+    print("\u03c9", flush=True)
+    assert written.getvalue() == b"\\u03c9\n"
