@@ -142,6 +142,7 @@ def test_the_table_of_tuned_robots_counts_its_rows(tmp_path: Path) -> None:
 
 
 @nightly
+@pytest.mark.filterwarnings("ignore:arm. adaptation gain. lowered:adaptctl.errors.TuningWarning")
 def test_loops_of_random_arms_are_counted() -> None:
     """In earnest, for a moment: gains are offered, none is lost so soon, and the promise is judged on the sums."""
     found = stability.counted(1, 8, 0.05, 2)
