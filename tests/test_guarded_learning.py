@@ -255,7 +255,13 @@ def judged_by(name: str, rows: Array, weights: Array, missed: Array, noise: floa
 
 
 def judged(
-    mass: float, seed: int, noise: float, offset: float = 0.05, vertical: float | None = None, open_mind: float = 1.0
+    mass: float,
+    seed: int,
+    noise: float,
+    offset: float = 0.05,
+    vertical: float | None = None,
+    open_mind: float = 1.0,
+    usual: float = 1e-3,
 ) -> tuple[Verdict, float]:
     """Verdict on 3 s with a mass (kg) on the last link, or weights without inertia, or lines in time, and what its
     change leaves of the misses."""
@@ -270,7 +276,7 @@ def judged(
     line = rng.uniform(2.0, 10.0, 3) + rng.uniform(-1.0, 1.0, 3) * (np.arange(300) * T)[:, None]
     pushed = line if vertical is None else weights @ rng.normal(size=weights.shape[-1]) * vertical
     missed = (rows @ -change if mass else pushed) + noise * rng.normal(size=(300, 3))
-    verdict = judged_by(ARM, rows, weights, missed, max(noise, 1e-3), open_mind)
+    verdict = judged_by(ARM, rows, weights, missed, max(noise, usual), open_mind)
     left = rows[-50:] @ (verdict.change - change)
     return verdict, float(np.abs(left).max() / max(np.abs(rows[-50:] @ change).max(), 1e-9))
 
@@ -294,6 +300,13 @@ def test_payloads_are_found_by_their_torques() -> None:
     taken = [left for verdict, left in found if verdict.payload == 1.0]
     assert len(taken) >= 6
     assert max(taken) < 0.15
+
+
+@pytest.mark.parametrize("usual", [0.3, 0.5])
+def test_what_noise_may_hide_is_no_payload_where_a_push_explains_it(usual: float) -> None:
+    """Both leave less than the noise, as of friction that rises with the load, but the push leaves nothing."""
+    found = [judged(0.0, seed, 0.0, vertical=0.2, usual=usual)[0] for seed in range(6)]
+    assert [verdict.payload for verdict in found] == [0.0] * 6
 
 
 def test_a_load_beyond_the_prior_is_one_too() -> None:

@@ -148,13 +148,15 @@ class PayloadTest:
         change = self._change(own)
         # A push has no prior, which would count against the load alone.
         prior = reduce(add, (x * x / gain for x, gain in zip(change, self.gain, strict=True)))
-        left = maximum(whole - own @ right - prior, 0.0) - usual
+        unlike = maximum(whole - own @ right - prior, 0.0)
+        left = unlike - usual
         hung, weight = steady_weight.left(weights, missed, shares, (keep, step.period), whole, sums.weight)
         pushed = minimum(straight, hung)
         times = [n / weight for n, weight in zip(after.n, step.weights, strict=True)]
         full = where(reduce(maximum, times) > MIN_TIME, 1.0, 0.0)
         payload = full * where(left < MAX_LEFT * whole, 1.0, 0.0) * self._is_a_body(own, change, step)
-        better = where(left < MAX_LEFT_RATIO * pushed, 1.0, step.announced)
+        fair = where(pushed < MAX_LEFT_RATIO * unlike, 0.0, 1.0)  # what noise may hide must not favor the load
+        better = maximum(where(left < MAX_LEFT_RATIO * pushed, fair, 0.0), step.announced)
         contact = full * where(pushed - usual < MAX_LEFT * whole, 1.0, 0.0) * (1.0 - payload * better)
         taken = self._change(self._compact(own, normal + self._prior, right))
         return LoadVerdict(payload * better, contact, taken, PayloadSums(normal, right, after, weight, Column((1.0,))))
