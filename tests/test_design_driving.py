@@ -166,7 +166,12 @@ def test_counterweights_spare_the_motors(runs: dict[str, DrivenArm]) -> None:
     assert runs["all-after"].demand.rms_torque < 0.9 * runs["all-before"].demand.rms_torque
 
 
-def test_what_cannot_be_driven_is_refused() -> None:
+def test_what_cannot_be_driven_is_refused_before_gains_are_sought(
+    study: DesignStudy, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("adaptctl.design.driving.tune", None)
+    with pytest.raises(InputError, match="duration: expected a positive number of s"):
+        driven(study, duration=-1.0, seed=0)
     rubbing = DesignTask.within_limits(load("puma560_friction"), 50)
     with pytest.raises(InputError, match="puma560_friction has friction, which has no energy components; use an arm"):
         driven(design_study(rubbing, links=("link2",)), seed=0)
@@ -178,7 +183,6 @@ def test_what_cannot_be_driven_is_refused() -> None:
         (("--duration", "5"), "--duration is for closed-loop runs: add --drive"),
         (("--components", "3"), "--components is for closed-loop runs"),
         (("--drive", "--components", "7"), "components of two_link: expected a whole number from 1 to 6, got 7"),
-        (("--drive", "--duration", "-1"), "duration: expected a positive number of s"),
         (
             ("--drive", "--control-period", "1"),
             "period: expected a positive time in s (1 ms is 0.001), from 1e-09 to 0.1",

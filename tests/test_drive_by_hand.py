@@ -268,6 +268,13 @@ def test_a_loop_learns_where_its_torques_are_its_own(given: dict[str, Any], soun
     assert driven.state is (LEARNED if learns else KEPT)
 
 
+@pytest.mark.parametrize(("rings", "said"), [(True, "b rings: "), (False, "a number of the controller is not finite")])
+def test_a_filter_that_stops_says_which_joint_rings(rings: bool, said: str) -> None:
+    detector = SimpleNamespace(lag_product=np.array([-0.5, -0.9]), power=np.ones(2))
+    state = SimpleNamespace(ringing=detector, flags=SimpleNamespace(ringing=[rings]))
+    assert made(state=state)._unsound().startswith(said)
+
+
 @pytest.mark.parametrize("place", [None, "tool"])
 def test_a_law_knows_measured_torques_where_the_sensor_has_a_place(place: str | None) -> None:
     given = {"applied": "sent", "held_state": SimpleNamespace(feeling=lambda *of: of)}

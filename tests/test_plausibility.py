@@ -17,7 +17,7 @@ from adaptctl.control.task_space import TaskSpaceSlotineLi
 from adaptctl.description import Description, Joint, JointKind, Limits, Link, Pose
 from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.dynamics import Mechanism, load, plausibility
-from adaptctl.dynamics.plausibility import _range, warn_of_implausible
+from adaptctl.dynamics.plausibility import _range, _spread, warn_of_implausible
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import PlausibilityWarning, ReferenceWarning
 from adaptctl.identification.contradictions import implausible_links
@@ -278,3 +278,12 @@ def test_a_reference_in_space_is_not_held_against_joints() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         simulate_many(adaptctl.Plant(arm, 0.001), law, path, batch_size=2, duration=4.0)
+
+
+@pytest.mark.parametrize("size", [1, 3])
+def test_points_fill_a_cube_evenly(size: int) -> None:
+    """Of each tenth of an edge every tenth point, but for a few."""
+    points = _spread(200, size)
+    counts = [np.histogram(along, 10, (0.0, 1.0))[0] for along in points.T]
+    assert np.sum(counts, axis=1).tolist() == [200] * size
+    assert np.ptp(counts) < 10

@@ -14,7 +14,7 @@ import adaptctl
 from adaptctl.control import GuardedLearning, SafetyFilter, TaskSpaceSlotineLi, with_external_torque
 from adaptctl.errors import InputError
 from adaptctl.hardware import TouchEvent
-from adaptctl.hardware.touch_reaction import Feeling, Retreat
+from adaptctl.hardware.touch_reaction import CALM, Feeling, Retreat
 from adaptctl.simulation import Plant
 
 PERIOD = 4e-3
@@ -201,3 +201,9 @@ def test_a_touch_is_over_after_a_second_and_clamps_after_three_tenths_at_rest() 
     assert len(feeling.events) == 1
     feeling.feel(state, 4.25, pressed)
     assert len(feeling.events) == 2
+
+
+def test_a_touch_is_over_when_nothing_was_felt_for_a_while() -> None:
+    feeling: Any = object.__new__(Feeling)
+    feeling._last = 2.0
+    assert [feeling.over(2.0 + share * CALM) for share in (0.0, 0.99, 1.01)] == [False, False, True]
