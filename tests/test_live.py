@@ -270,6 +270,20 @@ def test_what_notebooks_need_is_named(arm: adaptctl.Mechanism, tmp_path: Path, m
             live.viewer()
 
 
+@pytest.mark.parametrize("url", [None, "run.rrd", "rerun+http://127.0.0.1:9876/proxy"])
+def test_a_notebook_has_the_viewer_that_was_reached(url: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "rerun_notebook", cast(Any, SimpleNamespace()))
+    notebook: Any = SimpleNamespace(Viewer=lambda url, **options: (url, options))
+    monkeypatch.setitem(sys.modules, "rerun.notebook", notebook)
+    live: Any = object.__new__(adaptctl.Live)
+    live.url = url
+    if url is None or url.endswith(".rrd"):
+        with pytest.raises(InputError, match=f"no viewer is reachable(?: at {url})?$"):
+            live.viewer()
+    else:
+        assert live.viewer(width=300) == (url, {"width": 300})
+
+
 def test_a_viewer_that_was_closed_ends_the_process_without_a_traceback() -> None:
     class Severed:
         flushed = False

@@ -109,7 +109,7 @@ def test_adaptation_gains_have_the_number_that_is_asked(tuned: Tuning, shares: s
 def test_a_rotor_shares_with_its_link() -> None:
     """A share of its own, as large as a whole link's, made estimates of rotors ring in the humanoid of gymnasium."""
     geared = load("puma560_geared")
-    mine = rule(tune(geared))
+    mine = rule(tune(geared, nominal_only=True))
     found, ranges = mine.proposed(4.0, 0.5, 0.3, "links"), mine.ranges
     names = list(geared.parameter_names)
     for link in geared.links:
