@@ -210,6 +210,7 @@ STATED = [
     ("identification", f"and {part(delay.LEAST_PERIODS)} of a sampling period"),
     ("identification", f"up to {part(springs.MAX_TORQUE_SHARE)} of the joint's torque"),
     ("identification", f"torques on its last {percent(estimator_comparison.HELD_OUT_SHARE)}"),
+    ("identification", f"prior_weight={estimator_comparison.PRIOR_WEIGHT}, ..."),
     ("tuning", f"initial error $e_j$ ({feasible_gains.MAX_INITIAL_ERROR} rad or m"),
     ("tuning", rf"${feasible_gains.ACCELERATION_SHARE}\,\tau_j / M_{{jj}}$"),
     ("tuning", rf"$K_j \le {feasible_gains.DAMPING_TORQUE_SHARE}\,\tau_j"),

@@ -175,6 +175,7 @@ def test_a_recording_shows_the_log_from_the_first_of_its_torques(
     assert [call.args[2] for call in seen["curves"].call_args_list] == [time[-1]] * 3
     assert [seen[name].call_args.args[-1] for name in ("log_arm", "log_trail")] == [run_color(0)] * 2
     (_, (_, *joints)) = seen["log_curves"].call_args.args
+    assert len(joints) == 2
     for j, drawn in enumerate(joints):
         np.testing.assert_array_equal(drawn.values[:, 0], found.validation.measured[:, j])
         np.testing.assert_array_equal(drawn.values[:, 1], found.validation.predicted[:, j])
