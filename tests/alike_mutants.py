@@ -38,6 +38,12 @@ ALIKE = {
     "adaptctl/identification/rate_change.py::_bend clear > CLEAR -> clear >= CLEAR": (
         "no change is twice another to the last bit"
     ),
+    "adaptctl/identification/rate_change.py::_bend 1.0 -> 2.0": "a joint at rest moves no way, whatever divides it",
+    "adaptctl/identification/held_out.py::_predicted 1 -> 2": "known torques are one column, whose factor is the first",
+    "adaptctl/identification/mujoco_bodies.py::MujocoBodies.write 10 -> 11": "of zeros the first ten are read",
+    "adaptctl/identification/loaded_fit.py::_minimum change < LEAST_CHANGE -> change <= LEAST_CHANGE": (
+        "no change is the least to the last bit"
+    ),
     "adaptctl/control/transitions.py::FadeIn.__post_init__ 0.0 -> 1.0": "a reference has one shape at all times",
     "adaptctl/identifiability/chosen_columns.py::_kept_against_the_order apart <= READING -> apart < READING": (
         "no diagonal of a factor is the tolerance to the last bit"

@@ -12,13 +12,15 @@ from typing import Any
 
 from test_docstring_sections import methods, public
 
+from adaptctl.identification.robot_motion import exciting_motion
+
 STATED = re.compile(r"^(\w[\w, ]*) : .*, default (\S.*)$", re.MULTILINE)
 NAMED = {"inf": math.inf, "infinity": math.inf, "numpy.inf": math.inf, "pi": math.pi}
 
 
 def stated_defaults() -> Iterator[tuple[str, str, object, Any]]:
     """What is called, its parameter, the default that its docstring states, and that of its signature."""
-    for home, value in public().items():
+    for home, value in (public() | {"exciting_motion": exciting_motion}).items():
         for name in (home, *methods(home, value)):
             made = attrgetter(name.removeprefix(home).lstrip("."))(value) if name != home else value
             for line in STATED.finditer(inspect.getdoc(made) or ""):

@@ -234,6 +234,16 @@ def test_rows_have_the_torques_and_the_motion_of_their_instants() -> None:
         assert times[-1] + width <= log.time[-1 - motion.first] + 1e-9 < times[-1] + width + own.every / 250.0
 
 
+@pytest.mark.parametrize(("samples", "rows"), [(4, 0), (5, 1), (6, 2), (9, 2)])
+def test_a_chunk_has_rows_where_it_is_as_long_as_the_kernel(samples: int, rows: int) -> None:
+    """Of which two at each end are zeros that the samples lack; no more rows than were asked for."""
+    values, kernel = np.random.default_rng(0).normal(size=(samples, 3)), np.arange(1.0, 6.0)
+    found = RowFilter(9.0, np.pad(kernel, 2), 1).balanced(values, 0, 2)
+    assert found.shape == (rows, 3)
+    for k in range(rows):
+        np.testing.assert_allclose(found[k], kernel[::-1] @ values[k : k + 5])
+
+
 @pytest.mark.parametrize(
     ("scale", "offset", "told"),
     [(1.0, 0.0, True), (0.95, 0.0, True), (0.85, 0.0, False), (1.01, 0.0, False), (1.0, 9.0, True)],
