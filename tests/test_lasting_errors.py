@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from nightly import mostly_at_night
+from nightly import nightly
 from scipy.signal import lfilter
 from synthetic_logs import Known, known
 
@@ -32,7 +32,8 @@ def late(case: Known, samples: int) -> Known:
     return replace(case, log=replace(case.log, torque=torque))
 
 
-@pytest.mark.parametrize("samples", mostly_at_night([4, -5, 15], -5))
+@nightly
+@pytest.mark.parametrize("samples", [4, -5, 15])
 def test_a_delay_is_found_said_and_taken_off(samples: int) -> None:
     """At 500 Hz; the estimates then are those of the log without delay, as far as deviations go."""
     case = known(4, links=2, noise=0.01, duration=12.0)

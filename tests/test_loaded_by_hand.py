@@ -287,3 +287,36 @@ def test_a_delay_is_measured_until_it_hardly_changes(
     assert found.least == pytest.approx(0.1 / 50.0)
     assert len(seen) == rounds
     assert found.effect.tolist() == [rounds]
+
+
+def judged_by(x: float, spread: float, better: float, value: float = 0.03) -> Any:
+    """A delay of torques, of which a fit on torques without it leaves a share of what one with it does."""
+    ones, off = np.ones((4, 1, 1)), np.array([[1.0], [-1.0], [1.0], [-1.0]])
+
+    def of(error: float, fitted: float) -> Any:
+        rows = {4.0: SimpleNamespace(regressor=ones, torque=x + error * off), 9.0: None}
+        fit = SimpleNamespace(x=np.array([x]), deviations=np.array([fitted]))
+        return SimpleNamespace(rows=rows, band=4.0, blocks=3, fit=lambda settings, blocks: fit)
+
+    as_was, freed = of(1.0, spread), of(better, 1e-3 * spread)  # the deviations of the first fit count
+    as_was.advanced = lambda by: freed if by == value else None
+    return delay.without_delay(delay.Delay(value, 0.003, np.zeros(1)), as_was, as_was), as_was, freed
+
+
+@pytest.mark.parametrize(("better", "taken"), [(0.99, True), (1.0, False), (1.01, False)])
+def test_a_delay_is_taken_off_where_rows_held_out_are_predicted_better(better: float, taken: bool) -> None:
+    found, as_was, freed = judged_by(2.0, 0.5, better)
+    assert found.evidence is found.judged is (freed if taken else as_was)
+    assert (found.remark is not None) == taken
+    if found.remark:
+        assert found.remark.startswith("the torques are 30 ms later than the positions (95 % within 24.1 to 35.9 ms)")
+        assert "taken as much earlier in fit" in found.remark
+    assert found.step.outcome.startswith("the torques are 30 ms later")
+
+
+def test_a_delay_that_is_in_doubt_stays() -> None:
+    found, as_was, _ = judged_by(2.0, 0.5, 0.1, value=0.02)
+    assert found.evidence is found.judged is as_was
+    earlier, _, freed = judged_by(2.0, 0.5, 0.1, value=-0.03)
+    assert earlier.evidence is freed
+    assert "taken as much later in fit" in (earlier.remark or "")
