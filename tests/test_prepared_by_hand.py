@@ -17,6 +17,7 @@ from adaptctl.identification import preparation
 from adaptctl.identification.columns import JointLog, _jumps_by_turns
 from adaptctl.identification.complete_rows import complete_rows
 from adaptctl.identification.filtered_dynamics import RowFilter, SmoothMotion, motion_band, position_spectrum
+from adaptctl.identification.gathering import _validate_enough
 from adaptctl.identification.log_files import table
 from adaptctl.identification.preparation import PreparedLog, filtered, prepare, whole_ends
 
@@ -232,6 +233,36 @@ def test_rows_have_the_torques_and_the_motion_of_their_instants() -> None:
         np.testing.assert_array_equal(rows.moving, times - width >= log.time[1000] - 1e-9)
         assert times[0] == pytest.approx(log.time[motion.first] + width)
         assert times[-1] + width <= log.time[-1 - motion.first] + 1e-9 < times[-1] + width + own.every / 250.0
+
+
+@pytest.mark.parametrize(
+    ("rate", "cutoff", "every"), [(1000.0, 20.0, 5), (1000.0, 21.0, 4), (90.0, 50.0, 1), (1000.0, 10.0, 10)]
+)
+def test_a_smooth_motion_has_ten_samples_in_a_period_of_its_cutoff(rate: float, cutoff: float, every: int) -> None:
+    motion = SmoothMotion.of(prepared(np.ones((4000, 1)), rate), 0, cutoff)
+    assert (motion.every, motion.cutoff) == (every, min(cutoff, 0.2 * rate))
+
+
+@pytest.mark.parametrize(("cutoff", "whole", "every"), [(3.0, 0, 3), (3.0, 10**6, 16), (20.0, 0, 2), (3.0, 399, 1)])
+def test_rows_are_four_in_a_period_of_their_cutoff_and_four_hundred_in_all(
+    cutoff: float, whole: int, every: int
+) -> None:
+    motion = replace(SmoothMotion.of(prepared(np.ones((8000, 1)), 1000.0), 0, 20.0), whole=whole)
+    assert 1200 < len(motion.position) < 1600
+    assert RowFilter.of(motion, cutoff).every == every
+
+
+@pytest.mark.parametrize(("lasts", "enough"), [(1.4, False), (1.5, True)])
+def test_a_log_has_one_and_a_half_seconds_of_motion(lasts: float, enough: bool) -> None:
+    pieces: Any = [
+        SimpleNamespace(source="a.csv", rate=100.0, moving=np.arange(400) < 50),
+        SimpleNamespace(source="a.csv", rate=200.0, moving=np.arange(400) < round(200.0 * (lasts - 0.5))),
+    ]
+    if enough:
+        assert _validate_enough(pieces) == pytest.approx(lasts)
+        return
+    with pytest.raises(InputError, match=r"only 1\.4 s of motion; at least 1\.5 s"):
+        _validate_enough(pieces)
 
 
 @pytest.mark.parametrize(("samples", "rows"), [(4, 0), (5, 1), (6, 2), (9, 2)])
