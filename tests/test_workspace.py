@@ -11,6 +11,7 @@ import pytest
 
 from adaptctl.description import Joint, Limits
 from adaptctl.dynamics import Mechanism, load
+from adaptctl.errors import SimplificationWarning
 from adaptctl.identification.workspace import ReachableSpace, _middle, workspace
 
 BAR = '<collision><origin xyz="0.5 0 0"/><geometry><box size="1 0.1 0.1"/></geometry></collision>'
@@ -46,6 +47,13 @@ def test_without_shapes_nothing_collides(tmp_path: Path) -> None:
     assert workspace(mechanism, tmp_path / "other.urdf").collides is None
     looped: Any = SimpleNamespace(description=SimpleNamespace(loops=()))
     assert workspace(looped, path).collides is None
+
+
+def test_shapes_whose_files_are_missing_are_warned_of(tmp_path: Path) -> None:
+    mesh = '<collision><geometry><mesh filename="nowhere.stl"/></geometry></collision>'
+    mechanism, path = arm(tmp_path, bar=mesh)
+    with pytest.warns(SimplificationWarning, match=r"arm\.urdf: self-collision is not checked \(.*nowhere"):
+        assert workspace(mechanism, path).collides is None
 
 
 @pytest.mark.parametrize(("lower", "upper", "allowed"), [(-0.1, 0.1, True), (0.01, 0.1, False), (-0.1, -0.01, False)])
