@@ -38,6 +38,8 @@ ALIKE = {
     "adaptctl/identification/rate_change.py::_bend clear > CLEAR -> clear >= CLEAR": (
         "no change is twice another to the last bit"
     ),
+    "adaptctl/identification/consistent_estimate.py::consistent_estimates np.arange(len(some)) < prior.tens.size -> "
+    "np.arange(len(some)) <= prior.tens.size": "one more column without rows, whose estimate is zero",
     "adaptctl/identification/rate_change.py::_bend 1.0 -> 2.0": "a joint at rest moves no way, whatever divides it",
     "adaptctl/identification/held_out.py::_predicted 1 -> 2": "known torques are one column, whose factor is the first",
     "adaptctl/identification/mujoco_bodies.py::MujocoBodies.write 10 -> 11": "of zeros the first ten are read",

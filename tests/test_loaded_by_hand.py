@@ -15,12 +15,15 @@ from synthetic_logs import known
 from adaptctl.arrays import Array
 from adaptctl.identification import delay, filtered_dynamics, lasting_errors, loaded_equations, loaded_fit
 from adaptctl.identification.autoregression import autoregression
+from adaptctl.identification.entropic import EntropicPrior
 from adaptctl.identification.filtered_dynamics import RowFilter, SmoothMotion
 from adaptctl.identification.fit import FitSettings
 from adaptctl.identification.held_out import _predicted
 from adaptctl.identification.lasting_errors import with_lasting_errors
-from adaptctl.identification.loaded_fit import LoadedFit, _halved, _minimum
+from adaptctl.identification.learned_payload import _ball
+from adaptctl.identification.loaded_fit import KnownValue, LoadedEquations, LoadedFit, _halved, _minimum
 from adaptctl.identification.momentum_balance import MomentumBalance, PackedRegressor
+from adaptctl.identification.normal_equations import NormalEquations
 from adaptctl.identification.preparation import prepare
 from adaptctl.identification.uncertainty import Student, Uncertainty
 
@@ -320,3 +323,43 @@ def test_a_delay_that_is_in_doubt_stays() -> None:
     earlier, _, freed = judged_by(2.0, 0.5, 0.1, value=-0.03)
     assert earlier.evidence is freed
     assert "taken as much later in fit" in (earlier.remark or "")
+
+
+def test_the_objective_of_loads_is_of_squares_over_deviations_pins_and_the_prior() -> None:
+    """Its slopes along parameters and constants are those of the linearised equations."""
+    Y, column, P = rng.normal(size=(2, 30, 13)), rng.normal(size=(2, 30)), 13
+    block = np.repeat([0, 1, 2], 10)
+    parts = [
+        [np.stack([own(k, block == b) for k in range(2)]) for b in range(3)]
+        for own in (
+            lambda k, here: Y[k, here].T @ Y[k, here],
+            lambda k, here: Y[k, here].T @ column[k, here],
+            lambda k, here: column[k, here] @ column[k, here],
+            lambda k, here: np.float64(here.sum()),
+        )
+    ]
+    sums = NormalEquations(*(np.stack(part) for part in parts))
+    prior = EntropicPrior(_ball(3.0)[None], np.array([11]), np.array([0.4]))
+    known = [KnownValue(0, 2.9, 2.0), KnownValue(12, 0.3, 0.5)]
+    problem = LoadedEquations(sums, prior, known, np.array([1]), np.arange(P), np.zeros((2, 2), dtype=np.int64))
+    x, c, spread = np.concatenate([_ball(2.5), [0.1, 0.6, 0.3]]), np.array([1.0, -0.4]), np.array([0.5, 2.0])
+
+    def squares(x: Array, c: Array) -> Array:
+        return np.array([np.sum((column[k] - c[k] * Y[k] @ x) ** 2) for k in range(2)])
+
+    np.testing.assert_allclose(problem.squares(x, c), squares(x, c), rtol=1e-9)
+    np.testing.assert_allclose(problem.deviations(x, c), np.sqrt(squares(x, c) / 30.0), rtol=1e-9)
+    pins = ((2.5 - 2.9) / 2e-5) ** 2 + 0.0
+    expected = 0.5 * (squares(x, c) @ spread**-2.0 + pins) + prior.divergence(x, 0.1)
+    assert problem.value(x, c, spread) == pytest.approx(expected, rel=1e-9)
+    A, b = problem.linearised(sums, x, c, spread)
+    slope = A @ np.append(x, 0.0) - b
+    for k in range(P + 1):
+        step = 1e-6 * np.eye(P + 1)[k]
+        both = [squares(x + s * step[:P], c + s * np.array([0.0, step[P]])) @ spread**-2.0 for s in (0.5, -0.5)]
+        assert slope[k] == pytest.approx(0.5 * (both[0] - both[1]) / 1e-6, rel=1e-5, abs=1e-5)
+    np.testing.assert_allclose(A, A.T)
+    pinned, moved = problem.pinned(A.copy(), b.copy())
+    np.testing.assert_allclose(np.diag(pinned - A)[[0, 12]], [2e-5**-2, 5e-6**-2])
+    np.testing.assert_allclose((moved - b)[[0, 12]], [2.9 / 2e-5**2, 0.3 / 5e-6**2])
+    assert np.count_nonzero(pinned - A) == np.count_nonzero(moved - b) == 2
