@@ -11,11 +11,14 @@ _NEGATION = re.compile(r"(%[\w.]+) = fneg \w+ (\S+)")
 _LEFT = re.compile(r" contract(?= (?:double|float) )")
 _MINUS_TWO = "0xc000000000000000"  # times which LLVM subtracts a number twice
 _SUFFIXES = {"double": "f64", "float": "f32"}
+_TOGETHER = 'fence syncscope("singlethread") release'
+"""No instruction; LLVM chooses those before it together, not each fused one by itself: in 4/5 of the time."""
 
 
 def fused(text: str) -> str:
     """Functions in which a sum or difference with a product that is used once is one operation at any level."""
-    return _LEFT.sub("", "\n}".join("\n".join(_Block(part).fused()) for part in text.split("\n}")))
+    text = _LEFT.sub("", "\n}".join("\n".join(_Block(part).fused()) for part in text.split("\n}")))
+    return text.replace("\nret void\n}", f"\n{_TOGETHER}\nret void\n}}") if "@llvm.fmuladd" in text else text
 
 
 class _Block:
