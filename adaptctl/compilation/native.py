@@ -85,7 +85,7 @@ def _whole() -> Processor:
     return Processor(llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
 
 
-_RECIPE = 4
+_RECIPE = 5
 """Changes when the same IR would give other code."""
 
 
@@ -173,7 +173,11 @@ def _emitted(text: str, machine: llvm.TargetMachine) -> bytes:
     passes.add_always_inliner_pass()
     passes.add_sroa_pass()
     passes.run(module, llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options()))
-    return bytes(machine.emit_object(module))
+    llvm.set_option("", "-disable-lsr=true")  # loops have few addresses, and LLVM took a tenth of its time for them
+    try:
+        return bytes(machine.emit_object(module))
+    finally:
+        llvm.set_option("", "-disable-lsr=false")  # another package's loops may need it
 
 
 @functools.cache
