@@ -21,6 +21,7 @@ ALIKE = {
     "np.median(np.abs(stated - slope), axis=0) >= DERIVATIVE_TOLERANCE * scale + 1e-06": (
         "no slope misses by the tolerance to the last bit"
     ),
+    "adaptctl/contest/ranking.py::Ranking.failure 1 -> 2": "the first of the two most common is the most common",
     "adaptctl/scalars/scalar.py::logarithm 2.0 ** bit -> 2.0 * bit": "smaller powers take the rest away again",
     "adaptctl/design/task.py::DesignTask.torques -1 -> +1": "of two axes the last is the second",
     "adaptctl/dynamics/array_equations.py::_rows -1 -> +1 (again 1)": "what has the shape is broadcast to itself",
