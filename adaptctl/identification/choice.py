@@ -155,7 +155,7 @@ def predicted_squares(evidence: LogEvidence, settings: FitSettings) -> Array:
     judged = settings.judging(evidence.band)
     squares, sizes = np.zeros((2, NUM_FOLDS, evidence.mechanism.dof))
     folds = _folds(evidence)
-    for i, fit in enumerate(evidence.fits(settings, _rests(evidence))):
+    for i, fit in enumerate(evidence.fits(settings, _rests(folds))):
         held_out = evidence.equations(judged, folds[i])
         squares[i] = held_out.misfit(fit.x)
         sizes[i] = held_out.square.sum(axis=0)
@@ -168,9 +168,9 @@ def _folds(evidence: LogEvidence) -> list[list[int]]:
     return [fold.tolist() for fold in np.array_split(np.arange(evidence.blocks), NUM_FOLDS)]
 
 
-def _rests(evidence: LogEvidence) -> list[list[int]]:
-    """Blocks that each fold leaves."""
-    return [[b for b in range(evidence.blocks) if b not in fold] for fold in _folds(evidence)]
+def _rests(folds: Sequence[Sequence[int]]) -> list[list[int]]:
+    """Blocks that each fold leaves to the others."""
+    return [[b for other in folds if other is not fold for b in other] for fold in folds]
 
 
 def _near(tried: Sequence[FitSettings], ratios: Sequence[float]) -> list[FitSettings]:
@@ -228,7 +228,7 @@ class _Selection:
     def weighted(self, tried: Sequence[FitSettings]) -> FitSettings:
         """Settings by whose weight of the prior blocks left out are predicted best, by rising weights."""
         evidence, what = self.evidence, "weight of the prior"
-        parts = [list(range(evidence.blocks)), *_rests(evidence)]  # at once with those that are asked for next
+        parts = [list(range(evidence.blocks)), *_rests(_folds(evidence))]  # at once with those that are asked for next
         ratios = _each(lambda s: misfit_ratio(evidence, evidence.fits(s, parts)[0]), tried)
         if MAX_MISFIT_RATIO < min(ratios) <= OTHER_ROBOT_RATIO:  # no body can be what this robot's log asks for
             return self.last(tried, what, _weight)

@@ -27,7 +27,7 @@ def read_ros_bag(path: str | Path, topic: str | None = None) -> LogTable:
     try:
         with rosbags.AnyReader([Path(path)], default_typestore=rosbags.typestore) as reader:
             chosen = _connections(path, reader.connections, topic)
-            raw = ((stamp, bytes(raw)) for _, stamp, raw in reader.messages(connections=chosen))
+            raw = ((stamp, raw) for _, stamp, raw in reader.messages(connections=chosen))
             return joint_table(path, joint_states(raw, lambda data: reader.deserialize(data, JOINT_STATE)))
     except (AdaptctlError, MemoryError):
         raise
