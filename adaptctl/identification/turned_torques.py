@@ -29,15 +29,16 @@ class TurnedTorque(NamedTuple):
 
 def turned_torques(rows: HypothesisRows, mixings: Sequence[Array]) -> Iterator[TurnedTorque]:
     """Torques that may turn their signs, which matrices (r, r) turn, one for each joint."""
-    as_is = rows.mixed(np.eye(len(mixings)))
+    as_is = rows.least(rows.mixed(np.eye(len(mixings))))[1]
     for source, (j, mixing) in product(rows.sources, enumerate(mixings)):
-        here, equations = rows.of_source(source), as_is
+        here, deviations = rows.of_source(source), as_is
         for _ in range(ROUNDS):
-            time, gain = _turn(rows, here & rows.used[:, j], mixing, rows.least(equations)[1], j)
+            time, gain = _turn(rows, here & rows.used[:, j], mixing, deviations, j)
             if gain < MIN_GAIN:
                 break
             after = (here & (rows.rows.time >= time))[:, None]
             equations = rows.sums(rows.packed, np.where(after, rows.rows.torque @ mixing.T, rows.rows.torque))
+            deviations = rows.least(equations)[1]
         else:
             yield TurnedTorque(j, source, time, equations)
 
