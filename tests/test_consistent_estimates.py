@@ -90,14 +90,23 @@ def test_the_minimum_is_that_of_a_conic_solver_for_links_far_from_their_prior_an
     assert optimality_residual(*given, 0.99 * x + 0.01 * given[2].start(len(x))) > 1e-6
 
 
+@pytest.mark.parametrize("seed", [3, 22, 34])
+def test_a_search_that_starts_far_from_its_end_does_not_stop_there(seed: int) -> None:
+    A, b, prior, weight = problem(seed)
+    A, b = 1e6 * A, 1e6 * b
+    other = consistent_estimate(A, -b, prior, weight)
+    found = consistent_estimate(A, b, prior, weight, other)
+    assert optimality_residual(A, b, prior, weight, found) < 1e-6
+
+
 @pytest.mark.parametrize("count", mostly_at_night([45, 1000], 45))
 def test_every_problem_ends_consistent_in_bounded_steps(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also those whose data ask for negative masses, or do not tell columns apart. Work is in steps."""
     next_point, taken = interior_point.Newton.next_point, Counter[int]()
 
-    def counted(self: interior_point.Newton, small_slope: float) -> interior_point.Points:
+    def counted(self: interior_point.Newton, small_slope: float, leap: float) -> interior_point.Points:
         taken[seed] += 1
-        return next_point(self, small_slope)
+        return next_point(self, small_slope, leap)
 
     monkeypatch.setattr(interior_point.Newton, "next_point", counted)
     residuals = []

@@ -38,7 +38,7 @@ class Scripted:
             told[rows, step] for told in (problem.error, problem.fall, problem.slope)
         )
 
-    def next_point(self, small_slope: float) -> Told:
+    def next_point(self, small_slope: float, leap: float) -> Told:
         if np.isnan(self.error).any():
             raise np.linalg.LinAlgError
         return Told(self.point.x + 1.0, self.point.error, self.point.fall, self.point.slope)
@@ -62,6 +62,7 @@ CASES = {
     "errors are compared with the best": ([0.01, 0.09, 0.03, 0.05, 0.02], [1.0], [0.0], 60, 4, True),
     "the slope is not small in time": ([0.5], [1.0], [10.1], 7, 7, False),
     "the slope is not small where all else ends": ([0.5] * 7 + [0.0], [1.0], [10.1], 7, 7, False),
+    "falls are small at a slope that is not": ([1.0], [1e-11], [10.1], 7, 7, False),
     "the slope is small in time": ([0.5], [1.0], [99.0] * 7 + [10.0], 7, 60, False),
 }
 

@@ -222,20 +222,15 @@ def test_a_search_begins_at_the_prior_or_as_far_from_the_edge_as_data_push(probl
             np.testing.assert_allclose(X @ Z, times * weight * np.eye(len(X)), rtol=1e-6, atol=1e-6 * times)
 
 
-def test_targets_are_what_the_prediction_leaves_above_the_end(newton: Newton) -> None:
+def test_means_of_ratios_are_those_after_the_steps(newton: Newton) -> None:
     steps, share = 0.3 * rng.normal(size=(2, 2, P)), np.array([0.8, 0.3])
-    found = newton._target((steps[0], steps[1]), share)
+    found = newton._mean(steps[0], steps[1], share)
     moved = newton.moved(steps[0], steps[1], share)
     for k in range(2):
         means = [
             np.trace(X @ Z) / w for X, Z, w in zip(*pairs(moved, k), [WEIGHT] * 2 + [POSITIVE_WEIGHT] * 2, strict=True)
         ]
-        expected = np.clip(sum(means) / len(weights()), 1.0, max(newton.spread[k], 1.0))
-        assert found[k] == pytest.approx(expected)
-    far = newton._target(
-        (-newton.joined(interior_point.diagonal(newton.point.values), newton.point.own),) * 2, np.ones(2)
-    )
-    assert far.tolist() == [1.0, 1.0]
+        assert found[k] == pytest.approx(sum(means) / len(weights()))
 
 
 @pytest.mark.parametrize(("short", "raised"), [(-0.1, 0.0), (5e-14, 1e-13), (5e-11, 1e-9), (5e-8, 1e-7)])
@@ -304,3 +299,16 @@ def test_short_steps_are_replaced_by_longer_ones_that_only_center(
         np.testing.assert_allclose(targets[2], 3.0 * newton.spread)
         best = newton.moved(*newton.step(targets[2]), np.full(2, shares[1])).x
         assert np.allclose(moved.x, best) == (shares[1] > shares[0])
+
+
+@pytest.mark.parametrize(("leap", "tried"), [(10.0, 3), (np.inf, 1)])
+def test_steps_that_leap_have_less_of_the_corrector(
+    newton: Newton, leap: float, tried: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    corrected, bents, one = Newton._corrected, [], np.ones(2)
+    monkeypatch.setattr(Newton, "_mean", lambda self, *steps: 1e9 * self.spread)
+    monkeypatch.setattr(Newton, "share", lambda self, steps, most: 0.5 * one)
+    monkeypatch.setattr(Newton, "moved", lambda self, *steps: None)
+    monkeypatch.setattr(Newton, "_corrected", lambda self, *own: bents.append(own[2]) or corrected(self, *own))
+    newton.next_point(0.0, leap)
+    np.testing.assert_array_equal(bents, [one, 0.25 * one, 0.0 * one][:tried])

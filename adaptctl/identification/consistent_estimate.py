@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from adaptctl.arrays import Array
 from adaptctl.errors import AdaptctlError
 from adaptctl.identification.entropic import EntropicPrior
-from adaptctl.identification.interior_point import LEAST_FALL, Newton, Points, Problems
+from adaptctl.identification.interior_point import LEAP, LEAST_FALL, Newton, Points, Problems
 
 # Logarithm of a factor on the prior's links from which on a search may begin there too, as of logs in another unit.
 FAR = np.log(30.0)
@@ -99,10 +99,13 @@ def _searched(problem: Problems, point: Points, most: int, small_slope: float) -
     x, converged = point.x.copy(), np.zeros(len(point.x), dtype=bool)
     on, idle = np.arange(len(x)), np.zeros(len(x))
     best, lowest = np.full((2, len(x)), np.inf)
+    cold = most == MAX_STEPS
+    leap = LEAP if cold else np.inf  # the multipliers of starts near the end may have yet to grow, as slopes tell
     for k in range(MAX_STEPS):
         newton = Newton(problem, point)
         error, fall = newton.error, newton.fall
         slow = (0.5 * best < error) & (error < NEAR_END) | (0.5 * lowest < fall) & (fall < SMALL_FALL)
+        slow &= cold | (newton.slope_error <= small_slope)
         idle, best, lowest = np.where(slow, idle + 1, 0), np.minimum(best, error), np.minimum(lowest, fall)
         stuck = newton.slope_error > small_slope if k >= most else np.zeros(len(on), dtype=bool)
         ended = ~stuck & ((error < ERROR) | (idle == IDLE_STEPS) | (fall < LEAST_FALL))
@@ -114,7 +117,7 @@ def _searched(problem: Problems, point: Points, most: int, small_slope: float) -
         if not len(on):
             break
         try:
-            point = newton.next_point(small_slope)
+            point = newton.next_point(small_slope, leap)
         except np.linalg.LinAlgError:
             if len(on) > 1:
                 raise

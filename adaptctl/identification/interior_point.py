@@ -247,14 +247,14 @@ class Newton:
         least = np.minimum(values.min(axis=1, initial=0.0), own.min(axis=1, initial=0.0))
         return np.minimum(1.0, most / np.maximum(-least, 1e-12))
 
-    def next_point(self, small_slope: float) -> Points:
+    def next_point(self, small_slope: float, leap: float = LEAP) -> Points:
         """Points after steps with Mehrotra's corrector, or less of it, or after those that only center."""
         predicted = self.step(np.ones(len(self.times)))
         share = self.share(predicted, 1.0)
         target = np.clip(self._mean(*predicted, share), 1.0, np.maximum(self.spread, 1.0))
         best = self._corrected(predicted, target, np.where(self.slope_error < small_slope, share**2, 1.0))
         for bent in (share**2, np.zeros(len(share))):
-            if not np.any(leaps := self._mean(*best) > LEAP * self.spread):
+            if not np.any(leaps := self._mean(*best) > leap * self.spread):
                 break
             best = _chosen(leaps, self._corrected(predicted, target, bent), best)
         if np.any(short := best[2] < SHORT):
