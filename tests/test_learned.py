@@ -98,8 +98,8 @@ def test_it_errs_less_from_the_first_second(learned: Any, tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"geometry_sha256": "0"}, "whose geometry or parameters are other"),
-        ({"parameters": ["x"]}, "whose geometry or parameters are other"),
+        ({"geometry_sha256": "0"}, "whose geometry is another"),
+        ({"parameters": [*reduced(ARM).names, "x"]}, r"was learned with other parameters \(x\)"),
         ({"sha256": "0"}, "the numbers were changed"),
         ({"saved_at": 1e9}, "the numbers were changed"),
     ],
@@ -113,26 +113,32 @@ def test_what_does_not_fit_is_refused(learned: Any, changes: dict[str, Any], sai
 
 
 @pytest.mark.parametrize(
-    ("hours", "said"), [(5.0, "18000 s ago, and max_age is 60 s"), (-5.0, "ahead of this machine")]
+    ("hours", "age", "said"),
+    [
+        (5.0, 60.0, "18000 s ago, and max_age is 60 s"),
+        (5.0, np.nan, "max_age is nan s"),
+        (-5.0, 60.0, "ahead of this machine"),
+    ],
 )
 def test_clocks_that_jump_by_hours_are_noticed(
-    learned: Any, hours: float, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    learned: Any, hours: float, age: float, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     controller, state = learned
     monkeypatch.setattr("time.time", lambda: 1e9)
     save_learned(path := tmp_path / "learned.json", controller, state)
     monkeypatch.setattr("time.time", lambda: 1e9 + 3600.0 * hours)
     with pytest.raises(InputError, match=said):
-        started(controller, path, max_age=60.0)
+        started(controller, path, max_age=age)
 
 
-def test_another_law_and_several_arms_are_refused(learned: Any, tmp_path: Path) -> None:
+def test_another_law_and_states_of_others_are_refused(learned: Any, tmp_path: Path) -> None:
     controller, state = learned
     gradient = replace(controller, adaptation=Gradient(own_gain(ARM)))
     with pytest.raises(InputError, match="expected GuardedLearning"):
         save_learned(tmp_path / "x.json", gradient, state)
-    with pytest.raises(InputError, match="one arm"):
-        save_learned(tmp_path / "x.json", controller, state._replace(estimate=np.zeros((2, len(TRUE)))))
+    for other in (np.zeros((2, len(TRUE))), np.zeros(len(TRUE) - 1)):
+        with pytest.raises(InputError, match="one arm"):
+            save_learned(tmp_path / "x.json", controller, state._replace(estimate=other))
 
 
 def test_nothing_is_stored_after_a_period_off_time() -> None:

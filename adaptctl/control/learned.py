@@ -9,6 +9,7 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 
+from adaptctl.arrays import real_number
 from adaptctl.control.adaptation.guarded_learning import GuardedLearning
 from adaptctl.control.adaptive import AdaptiveState
 from adaptctl.control.energy_tank import EnergyTank
@@ -148,16 +149,22 @@ def warm_start(
 
 def _validate(path: str | Path, file: LearnedFile, controller: SlotineLi, max_age: float) -> None:
     model, age, numbers = controller.model, time.time() - file.saved_at, file.numbers
-    if (file.geometry_sha256, file.parameters) != (model.mechanism.geometry_sha256, list(model.names)):
+    if file.geometry_sha256 != model.mechanism.geometry_sha256:
         raise InputError(
-            f"{path}: was learned by {file.mechanism!r}, whose geometry or parameters are other than those of "
+            f"{path}: was learned by {file.mechanism!r}, whose geometry is another than that of "
             f"{model.mechanism.name!r}: start without it"
+        )
+    if file.parameters != list(model.names):
+        others = ", ".join(sorted({*file.parameters} ^ {*model.names})[:3])
+        raise InputError(
+            f"{path}: was learned with other parameters ({others}): give the model the same, such as friction, or "
+            "start without it"
         )
     k = len(model.names)
     sizes = [len(x) for x in (numbers.gain, numbers.estimate, numbers.known, numbers.information)]
     if not file.unchanged or sizes != [k, k, k, k * (k + 1) // 2]:
         raise InputError(f"{path}: the numbers were changed since they were saved: start without it")
-    if age > max_age:
+    if not age <= real_number(max_age, "max_age in s"):
         raise InputError(f"{path}: was saved {age:.0f} s ago, and max_age is {max_age:g} s: start without it")
     if age < -CLOCK_ERROR:
         raise InputError(f"{path}: was saved {-age:.0f} s ahead of this machine's clock: set the clock")
@@ -167,6 +174,6 @@ def _law(controller: SlotineLi, state: AdaptiveState) -> GuardedLearning:
     law: Any = controller.adaptation_law
     if not isinstance(law, GuardedLearning):
         raise InputError(f"adaptation: expected GuardedLearning, whose information is kept, got {type(law).__name__}")
-    if np.ndim(state.estimate) != 1:
-        raise InputError(f"state: expected that of one arm, got estimates {np.shape(state.estimate)}")
+    if np.shape(state.estimate) != (k := len(controller.model.names),):
+        raise InputError(f"state: expected that of one arm, estimates ({k},), got {np.shape(state.estimate)}")
     return law
