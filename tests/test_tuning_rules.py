@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -16,10 +17,12 @@ from adaptctl.description.drive import Drive
 from adaptctl.dynamics import load
 from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation import LinearlyImplicitEuler, SemiImplicitEuler
-from adaptctl.tuning import Tuning, tune
+from adaptctl.tuning import Tuning, tune, with_friction
+from adaptctl.tuning.default_gains import DefaultGains
 from adaptctl.tuning.feasible_reference import FeasibleReference, _center, _costs, motion_ranges
 from adaptctl.tuning.learning_rule import learning_by_rule
 from adaptctl.tuning.named_laws import guarded, named_law
+from adaptctl.tuning.open_parameters import open_note
 from adaptctl.tuning.rotors import rotor_note, rotorless
 from adaptctl.tuning.tune import _notes, _run_remarks, _searched
 from adaptctl.tuning.verification import Verification, measures, scaled_links, verified
@@ -159,17 +162,25 @@ def test_notes_begin_at_their_bounds(given: dict[str, Any], told: str) -> None:
     assert notes(**given) == told
 
 
-def test_remarks_on_runs_tell_of_what_there_is_little_to_learn_of() -> None:
-    few: Any = SimpleNamespace(columns=range(100))
+def test_parameters_that_a_reference_hardly_shows_are_named() -> None:
+    """Of a shoulder that stands still, those that turn with it; all at rest, of which six names are told."""
+    model, limits = ReducedModel(with_friction(ARM)), np.array(ARM.effort_limits)
 
-    def remarks(ratio: float, model: Any = few) -> list[str]:
-        last = 0.0 if np.isinf(ratio) else 0.01
-        return list(_run_remarks((Verification("nominal", 1.0, last, 0.01 * min(ratio, 9.0), 0.1, 0.0),), model))
+    def told(*amplitude: float) -> str:
+        return open_note(model, Sinusoids([0.3, 0.6], amplitude, [0.2, 0.3]), limits)
 
-    assert remarks(3.01) == remarks(np.inf) == []
-    assert "without adaptation, tracking is almost as good" in remarks(2.99)[0]
-    assert "these 101 are adapted by the gradient" in remarks(9.0, SimpleNamespace(columns=range(101)))[0]
-    assert "too many links to compile" in remarks(9.0, None)[0]
+    some, first_six = ("upper.mc_x, upper.mc_y, upper.I_zz, " + more for more in ("shoulder", "lower.mc_x, "))
+    assert told(0.5, 0.4) == ""
+    assert told(0.0, 0.5).startswith(f"in 20 s this reference hardly shows 5 of 10 parameters: {some}")
+    assert f"10 of 10 parameters: {first_six}lower.mc_y, lower.I_zz, ...; their" in told(0.0, 0.0)
+
+
+def test_models_too_large_to_learn_or_to_compile_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    rule, model = DefaultGains.for_mechanism(ARM), ReducedModel(ARM)
+    assert list(_run_remarks(None, rule)) == ["too many links to compile: the gains were neither searched nor verified"]
+    assert list(_run_remarks(model, rule)) == []
+    monkeypatch.setattr(sys.modules[_run_remarks.__module__], "MAX_LEARNED", 5)
+    assert "these 6 are adapted by the gradient" in next(_run_remarks(model, rule))
 
 
 def test_rotors_are_missing_where_a_driven_joint_turns_and_has_a_limit() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import cast
@@ -34,6 +33,7 @@ from adaptctl.tuning.default_gains import (
 from adaptctl.tuning.feasible_gains import MIN_BANDWIDTH, FeasibleGains, assumed_limits, limitations, yielding_note
 from adaptctl.tuning.feasible_reference import TORQUE_SHARE, FeasibleReference
 from adaptctl.tuning.learning_rule import MAX_LEARNED, learning_by_rule, slotine_li
+from adaptctl.tuning.open_parameters import open_note
 from adaptctl.tuning.rotors import rotor_note
 from adaptctl.tuning.stated_effects import Held, Rates, gradient_run, held, late_share, plant_with, remedy
 from adaptctl.tuning.verification import (
@@ -51,7 +51,6 @@ from adaptctl.tuning.verification import (
 )
 
 MAX_STATIC_SHARE = 0.95  # of a torque limit at rest, above which a joint can only creep
-MIN_LEARNING_RATIO = 3.0  # of errors without and with adaptation, below which there is little to learn
 SEARCH_DURATION = 8.0  # s
 SEARCHED_BANDWIDTHS, SEARCHED_SAMPLING_RATIOS, SEARCHED_ADAPTATION_RATIOS = (
     (4.0, 8.0),
@@ -372,7 +371,7 @@ def tune(
         *rule.achieved(chosen),
         limitations(mechanism, carried),
         verified,
-        (*_notes(mechanism, rule.found, carried, plant), *_run_remarks(verified, model), *found.notes),
+        (*_notes(mechanism, rule.found, carried, plant), *_run_remarks(model, rule), *found.notes),
         effects,
     )
 
@@ -438,12 +437,11 @@ def _notes(mechanism: Mechanism, found: FeasibleReference, carried: FeasibleGain
         yield f"friction is too stiff for {explicit}: {plant.substeps} implicit steps are used"
 
 
-def _run_remarks(verified: tuple[Verification, ...], model: ReducedModel | None) -> Iterator[str]:
+def _run_remarks(model: ReducedModel | None, rule: DefaultGains) -> Iterator[str]:
     if model is None:
         yield "too many links to compile: the gains were neither searched nor verified"
-    elif (k := len(model.columns)) > MAX_LEARNED:
+        return
+    if (k := len(model.columns)) > MAX_LEARNED:
         yield f"learning is the default up to {MAX_LEARNED} parameters; these {k} are adapted by the gradient"
-    for run in verified[:1]:
-        ratio = run.final_rms_error_adaptation_off / run.final_rms_error if run.final_rms_error > 0.0 else math.inf
-        if ratio < MIN_LEARNING_RATIO:
-            yield "without adaptation, tracking is almost as good: this reference hardly excites the parameters"
+    if note := open_note(model, rule.reference, rule.limits):
+        yield note
