@@ -15,7 +15,7 @@ from random_loops import RECIPES, random_loop
 from random_trees import random_chain
 from synthetic_logs import joint_drives
 
-from adaptctl.cli.excite import _print
+from adaptctl.cli.excite import _box, _earlier, _print, _validate_rate
 from adaptctl.cli.main import main
 from adaptctl.control import MotionLimits
 from adaptctl.dynamics import Mechanism, load
@@ -237,6 +237,33 @@ def test_what_cannot_be_is_refused(
     )
     assert message in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("logs", "drives", "columns", "units", "message"),
+    [
+        ((), "d.toml", (), (), "of earlier logs"),
+        ((), None, ("position=q",), (), "of earlier logs"),
+        ((Path("a.csv"),), "d.toml", ("position=q",), (), "because --drives specifies them"),
+        ((Path("a.csv"),), "d.toml", (), ("position=deg",), "because --drives specifies them"),
+    ],
+)
+def test_columns_are_of_earlier_logs_and_told_once(
+    logs: Any, drives: str | None, columns: Any, units: Any, message: str, puma: Mechanism
+) -> None:
+    with pytest.raises(InputError, match=message):
+        _earlier(puma, logs, Path(drives) if drives else None, columns, units)
+
+
+def test_a_box_has_room_and_files_at_most_a_hundred_thousand_points_a_second() -> None:
+    ends = _box((0.0, 0.1, 0.2, 1.0, 1.1, 1.2))
+    assert [end.tolist() for end in ends] == [[0.0, 0.1, 0.2], [1.0, 1.1, 1.2]]
+    assert _box(()) == (None, None)
+    with pytest.raises(InputError, match="last three numbers above"):
+        _box((0.0, 0.1, 0.2, 1.0, 0.1, 1.2))
+    _validate_rate(1e5)
+    with pytest.raises(InputError, match="100001"):
+        _validate_rate(100_001.0)
 
 
 def test_ranges_of_loops_are_clear_of_singularities_and_keep_conditions() -> None:

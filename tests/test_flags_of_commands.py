@@ -7,6 +7,7 @@ import inspect
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from adaptctl.cli.memory import return_large_blocks
 from adaptctl.codegen import builds
 from adaptctl.control import GainDesign
 from adaptctl.errors import InputError
+from adaptctl.identification import estimator_comparison, files
 from adaptctl.tuning import named_laws
 
 ARM = adaptctl.load("two_link")
@@ -173,6 +175,30 @@ def test_an_interrupted_experiment_is_told_and_its_figures_are_drawn_if_asked(
     assert ("interrupted" in capsys.readouterr().err) == (not complete)
 
 
+def test_a_comparison_of_estimators_is_of_the_first_log_in_a_folder_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = (Path("a.csv"), Path("b.csv")), "robot", Path("d.toml"), 0.5
+    found: Any = SimpleNamespace(write=lambda folder: (folder / "report.html").touch())
+    monkeypatch.setattr(estimator_comparison, "compared_estimators", told := MagicMock(return_value=found))
+    assert identify._compared(*given, tmp_path / "inner" / "own") is found  # type: ignore[arg-type]
+    told.assert_called_once_with(Path("a.csv"), *given[1:])
+    assert (tmp_path / "inner" / "own" / "report.html").exists()
+
+
+def test_files_of_an_identification_tell_what_they_cannot_hold_and_open_no_window(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(identify, "environ", environment := dict[str, str]())
+
+    def written(*given: Any) -> list[Any]:
+        assert environment == {"MUJOCO_GL": "disable"}
+        return [SimpleNamespace(note=lambda found, note=note: note) for note in (None, "no springs")]
+
+    monkeypatch.setattr(files, "write_identification", written)
+    assert identify._write(Path("out"), *[None] * 4) == ["no springs"]
+
+
 @pytest.mark.parametrize(
     ("logs", "drives", "fits"), [(1, "d", True), (1, None, False), (2, "d", False), (0, "d", False)]
 )
@@ -180,6 +206,8 @@ def test_estimators_are_compared_on_one_log_with_its_drives(logs: int, drives: s
     given = tuple(Path(f"{k}.csv") for k in range(logs)), None if drives is None else Path(drives)
     if fits:
         identify._validate_comparison(*given, 0.5)
+        with pytest.raises(InputError, match="got 0"):
+            identify._validate_comparison(*given, 0.0)
     else:
         with pytest.raises(InputError, match=r"^--energy-differences needs exactly one log"):
             identify._validate_comparison(*given, 0.5)
