@@ -239,9 +239,8 @@ def _least_mass(
     from scipy.optimize import brentq
 
     grid = places.grid(GRID_POINTS)
-    most = ball_tens(np.full(len(grid), places.mass), grid, density) @ share - places.mass * taken
-    best = int(np.argmax(most * np.sign(wanted)))
-    x = grid[best]
+    most = ball_tens(np.full(len(grid), places.mass), grid, density) @ share
+    x = grid[int(np.argmax(most * np.sign(wanted)))]
 
     def short(mass: float) -> float:
         return float(share @ ball_tens(mass, x, density)) - mass * taken - wanted
