@@ -14,7 +14,7 @@ import pytest
 
 import adaptctl
 from adaptctl import codegen, control, hardware, tuning
-from adaptctl.cli import experiment, identify, numbers, output
+from adaptctl.cli import experiment, identify, numbers, output, sweep, tune
 from adaptctl.cli.drive import _driven, connected
 from adaptctl.cli.main import main
 from adaptctl.cli.memory import return_large_blocks
@@ -22,6 +22,9 @@ from adaptctl.codegen import builds
 from adaptctl.control import GainDesign
 from adaptctl.errors import InputError
 from adaptctl.identification import estimator_comparison, files
+from adaptctl.simulation.effects import ControlDelay
+from adaptctl.sweeps import search
+from adaptctl.sweeps.search import BestSettings
 from adaptctl.tuning import named_laws
 
 ARM = adaptctl.load("two_link")
@@ -55,6 +58,57 @@ def test_gains_are_designed_as_asked(
     _, *found, more = told.value.args
     assert tuple(np.ravel(np.array(found, dtype=complex))) == given
     assert more == {"control_period": 0.002, "delay": 3}
+
+
+def test_a_robot_is_tuned_as_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tuning, "tune", asked)
+    line = "--control-period 0.002 --bandwidth 3 --sampling-ratio 0.4 --adaptation-ratio 0.3 --search 7 --seed 5"
+    with pytest.raises(AskedError) as told:
+        main(["tune", "two_link", *line.split(), "--delay", "2"])
+    assert told.value.args[1] == {
+        "control_period": 0.002, "bandwidth": 3.0, "sampling_ratio": 0.4, "adaptation_ratio": 0.3, "search": 7,
+        "seed": 5, "effects": [ControlDelay(2)],
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("failed", [False, True])
+@pytest.mark.parametrize("json", [False, True])
+def test_a_tuning_that_fails_is_told_and_a_verdict(
+    failed: bool, json: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(tuning, "tune", lambda *given, **more: SimpleNamespace(failed=failed))
+    monkeypatch.setattr(tune, "as_builtins", lambda found: {"failed": found.failed})
+    monkeypatch.setattr(tune, "report", lambda found: [f"report of {found.failed}"])
+    assert tune.tune("two_link", json=json) == 3 * failed
+    assert capsys.readouterr().out.split() == (
+        ["{", '"failed":', str(failed).lower(), "}"] if json else ["report", "of", str(failed)]
+    )
+
+
+def test_a_search_tells_the_best_settings_and_how_to_run_them_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = BestSettings({"damping": 4.5, "seed": 3}, "adaptive", 0.00123456, 9)
+    told = list[Any]()
+
+    def searched(study: Any, objective: str, trials: int, progress: Any) -> BestSettings:
+        progress(1.0)
+        told.append((study, objective, trials))
+        return found
+
+    monkeypatch.setattr(search, "search", searched)
+    monkeypatch.setattr(search, "write_settings", lambda *given: told.append(given))
+    study: Any = "study"
+    out = tmp_path / "out"
+    assert sweep._search(study, "rms", 9, out) == 0
+    assert told == [("study", "rms", 9), (out / "best.toml", "study", found)]
+    first, *rows, again = capsys.readouterr().out.strip().splitlines()
+    assert first.startswith("rms 0.001235 of adaptive, the best of 9 runs")
+    assert [row.split() for row in rows if row] == [["damping", "4.5"], ["seed", "3"]]
+    assert again.endswith(f"adaptctl sweep {out / 'best.toml'} --out {out / 'again'}")
+    (out / "kept").touch()
+    with pytest.raises(InputError, match="not empty"):
+        sweep._search(study, "rms", 9, out)
 
 
 @pytest.mark.parametrize(("language", "without"), [("c", False), ("wasm", True)])
