@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from five_bars import five_bar
 
 import adaptctl
 from adaptctl.control.gains.workspace import reachable
+from adaptctl.dynamics.loops.continuation import MAX_PRIMARY_STEP
 from adaptctl.errors import SingularityError
 from adaptctl.hardware import GravityTorque, HardwareLimits, RobotReading
 from adaptctl.hardware.resting import StoppingDistance
@@ -26,6 +28,15 @@ def test_gravity_is_that_of_the_posture_however_far_from_the_reference() -> None
     for away in random.uniform(-1.0, 1.0, (40, 3)):
         p = arm.neutral_configuration + away
         np.testing.assert_allclose(gravity(p), arm.inverse_dynamics(p, STILL, STILL), atol=1e-9)
+
+
+@pytest.mark.parametrize(("step", "far"), [(-1.0, False), (1.0, False), (-1.01, True), (1.01, True)])
+def test_loops_are_continued_where_a_joint_moved_far_since_the_last_posture(step: float, far: bool) -> None:
+    gravity: Any = object.__new__(GravityTorque)
+    last, continued = np.array([2.0, 9.0, 0.0]), np.array([7.0, 7.0, 7.0])
+    gravity._last, gravity._loops = last, SimpleNamespace(primary=[0, 2])
+    gravity._mechanism = SimpleNamespace(configuration=lambda p, near: continued if near is last else None)
+    assert gravity._near(np.array([2.0, step * MAX_PRIMARY_STEP])) is (continued if far else last)
 
 
 def test_stops_are_reckoned_with_postures_of_the_whole_range() -> None:
