@@ -19,11 +19,13 @@ from adaptctl.control.controller import ReferencePoint
 from adaptctl.hardware import (
     FrankaRobot,
     HardwareLimits,
+    MuJoCoRobot,
     RobotReading,
     TrossenRobot,
     UDPRobot,
     URRobot,
     checks,
+    mujoco_robot,
     udp_plant,
 )
 from adaptctl.hardware.force_sensor import ForceReading, ForceSensor
@@ -270,19 +272,62 @@ def test_an_arm_is_told_by_a_controller_or_by_its_description() -> None:
             checks.mechanism_of(controller, given)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("ratio", [4.9, 5.1])
+@pytest.mark.parametrize("ratio", [4.9, 5.0, 5.1])
 @pytest.mark.parametrize("turned", [1.0, -1.0])
 def test_torque_limits_five_times_apart_are_of_another_robot(ratio: float, turned: float) -> None:
     described = HardwareLimits.of(ARM)
     torque = described.torque * [1.0, ratio**turned]
     own = HardwareLimits(torque, described.velocity, described.lower, described.upper, 100.0)
     robot = SimpleNamespace(limits=own)
-    if ratio < 5.0:
+    if ratio <= 5.0:
         found = checks.common_limits(robot, ARM, None)
         np.testing.assert_allclose(found.torque, np.minimum(torque, described.torque))
     else:
         with pytest.raises(adaptctl.InputError, match="is this the file of another robot"):
             checks.common_limits(robot, ARM, None)
+
+
+@pytest.mark.parametrize(
+    ("own", "described", "fits"), [(9.0, np.inf, True), (np.inf, 9.0, True), (np.inf, np.inf, False)]
+)
+def test_torque_limits_are_the_robots_or_its_descriptions(own: float, described: float, fits: bool) -> None:
+    joint = SimpleNamespace(name="a", limits=SimpleNamespace(effort=described, velocity=1.0, lower=-1.0, upper=1.0))
+    arm: Any = SimpleNamespace(name="arm", dof=1, primary_joints=[joint])
+    robot = SimpleNamespace(limits=HardwareLimits([own], [1.0], [-1.0], [1.0]))
+    if fits:
+        assert checks.common_limits(robot, arm, None).torque == [9.0]
+    else:
+        with pytest.raises(adaptctl.InputError, match="neither it nor arm has torque limits"):
+            checks.common_limits(robot, arm, None)
+
+
+def test_an_arm_stands_still_within_its_limits() -> None:
+    for p, told in (([1.4, 0.0], None), ([1.6, 0.0], "stands at 1.6, outside its range -1 to 1.5")):
+        times = iter(range(1, 100))
+        robot = SimpleNamespace(read=lambda times=times, p=p: reading(next(times) * PERIOD, p))
+        measurements = Measurements(ARM.primary_joints, HardwareLimits.of(ARM), PERIOD, REST)
+        if told is None:
+            assert checks.standing(robot, measurements, ["a", "b"], LIMITS).time == pytest.approx(5 * PERIOD)
+        else:
+            with pytest.raises(adaptctl.InputError, match=told):
+                checks.standing(robot, measurements, ["a", "b"], LIMITS)
+
+
+def test_a_simulated_robot_waits_for_its_period_in_real_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    waits, robot = list[float](), MuJoCoRobot(ARM, PERIOD, [0.1, 0.2], real_time=True)
+    clock = iter((robot._began + 0.5 * PERIOD, robot._began + 3.0 * PERIOD))
+    monkeypatch.setattr(mujoco_robot, "time", SimpleNamespace(monotonic=lambda: next(clock), sleep=waits.append))
+    assert [robot.read().time, robot.read().time] == [PERIOD, 2 * PERIOD]
+    assert waits == pytest.approx([0.5 * PERIOD, 0.0], abs=1e-9)
+    beyond = np.array([robot.limits.upper[0] + 0.1, 0.0])
+    with pytest.raises(adaptctl.InputError, match="outside its range"):
+        MuJoCoRobot(ARM, PERIOD, beyond)
+
+
+def test_what_is_no_controller_drives_no_robot() -> None:
+    robot: Any = MuJoCoRobot(ARM, PERIOD)
+    with pytest.raises(adaptctl.InputError, match=r"^controller: expected"):
+        adaptctl.drive(robot, "law", adaptctl.Sinusoids(REST, REST, [0.1, 0.1]), 1.0)  # type: ignore[arg-type]
 
 
 def test_an_estimate_holds_an_arm_within_a_share_of_its_limits() -> None:

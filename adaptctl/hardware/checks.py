@@ -82,9 +82,9 @@ def common_limits(robot: Any, mechanism: Mechanism, controller: Any) -> Hardware
         raise InputError(f"robot: its joints are {', '.join(told)}, but those of {mechanism.name} {', '.join(names)}")
     if not np.isfinite(own.torque).all() and not np.isfinite(described.torque).all():
         raise InputError(f"robot: neither it nor {mechanism.name} has torque limits: give them in the description")
-    with np.errstate(invalid="ignore"):
-        ratio = own.torque / described.torque
-    for j in np.flatnonzero(np.isfinite(ratio) & (ratio > 0.0) & (np.maximum(ratio, 1.0 / ratio) > OTHER_ROBOT)):
+    known = np.flatnonzero(np.isfinite(own.torque) & np.isfinite(described.torque))
+    ratio = own.torque[known] / described.torque[known]
+    for j in known[np.maximum(ratio, 1.0 / ratio) > OTHER_ROBOT]:
         raise InputError(
             f"robot: the torque limit of {names[j]} is {own.torque[j]:g} N m (N), but {described.torque[j]:g} in "
             f"{mechanism.name}: is this the file of another robot?"
