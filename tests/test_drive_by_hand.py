@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from inspect import signature
 from types import SimpleNamespace
 from typing import Any
@@ -174,6 +175,43 @@ def test_periods_without_a_measurement_are_ridden_out_ten_times(monkeypatch: pyt
     driven.robot.read = lambda: 1.0 / 0.0
     driven._read()
     assert (driven.measurements.fault, slept) == ("ZeroDivisionError: float division by zero", [PERIOD])
+
+
+@pytest.mark.parametrize(("gap", "passed"), [(10, 10), (11, 1)])
+def test_a_gap_of_more_than_ten_periods_counts_as_one(gap: int, passed: int) -> None:
+    """As of a robot whose clock jumped: the arm goes on where it was on its path, in the periods after it too."""
+    driven = made(measurements=Measurements(ARM.primary_joints, LIMITS, PERIOD, REST), _began=5.0)
+    for after, periods in ((0, 0), (gap, passed), (gap + 2, passed + 2)):
+        driven.robot.read = lambda after=after: reading(6.0 + after * PERIOD)
+        driven._read()
+        assert driven.time == pytest.approx(1.0 + periods * PERIOD)
+
+
+@pytest.mark.parametrize(
+    ("apart", "before", "ends", "reason", "path"),
+    [
+        (0.25, False, False, "interrupted", "along"),
+        (0.26, False, False, "interrupted", "ahead"),
+        (0.0, True, False, "interrupted", "ahead"),
+        (0.0, False, True, "interrupted", "ahead"),
+        (0.0, False, False, f"a {loop.TOO_FAST}", "ahead"),
+    ],
+)
+def test_a_stop_is_on_the_path_where_the_arm_is_near_it_and_it_is_the_first(
+    apart: float, before: bool, ends: bool, reason: str, path: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stop = PlannedStop(lambda time: POINT, 3.0, None, "touched", yields=True)
+    for name in ("along", "ahead"):
+        monkeypatch.setattr(PlannedStop, name, lambda *given, name=name: replace(stop, reason=name))
+    driven = made(
+        stop=stop if before else None, max_error=0.5, on_touch="stop", path=None, stopping=None, proven=None,
+        held_state=SimpleNamespace(at=lambda proven, state: state),
+        _nears_an_end=lambda now: np.array([False, ends]),
+    )  # fmt: skip
+    point = POINT._replace(p=np.array([0.0, 0.5]))
+    driven._begin_stop(reason, reading(p=[0.0, 0.5 - apart]), point)
+    assert driven.stop.reason == path
+    assert driven.stopped == reason
 
 
 def test_a_stop_ends_after_half_a_second_at_rest_and_two_more_at_most() -> None:

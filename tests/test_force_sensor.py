@@ -108,6 +108,13 @@ def test_a_bad_sensor_is_refused_at_rest(forces: Any, said: str) -> None:
         ForceSensor(Sensed(forces), 10.0).rest()
 
 
+def test_moments_may_change_at_rest() -> None:
+    """What is a touch is a force."""
+    sensor = ForceSensor(Sensed(lambda k: ForceReading(k * PERIOD, BIAS, (50.0 * (k % 2), 0.0, 0.0))), 10.0)
+    sensor.rest()
+    np.testing.assert_allclose(sensor.bias, BIAS)
+
+
 def test_a_short_gap_is_ridden_out_at_rest_too() -> None:
     sensor = ForceSensor(Sensed(lambda k: None if k <= MAX_LOST else ForceReading(k * PERIOD, BIAS)), 10.0)
     sensor.rest()
