@@ -6,6 +6,8 @@ import math
 import warnings
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +19,7 @@ from adaptctl.control.task_space import TaskSpaceSlotineLi
 from adaptctl.description import Description, Joint, JointKind, Limits, Link, Pose
 from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.dynamics import Mechanism, load, plausibility
-from adaptctl.dynamics.plausibility import _range, _spread, warn_of_implausible
+from adaptctl.dynamics.plausibility import _gravity_torques, _range, _spread, warn_of_implausible
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import PlausibilityWarning, ReferenceWarning
 from adaptctl.identification.contradictions import implausible_links
@@ -280,10 +282,39 @@ def test_a_reference_in_space_is_not_held_against_joints() -> None:
         simulate_many(adaptctl.Plant(arm, 0.001), law, path, batch_size=2, duration=4.0)
 
 
-@pytest.mark.parametrize("size", [1, 3])
-def test_points_fill_a_cube_evenly(size: int) -> None:
-    """Of each tenth of an edge every tenth point, but for a few."""
-    points = _spread(200, size)
-    counts = [np.histogram(along, 10, (0.0, 1.0))[0] for along in points.T]
-    assert np.sum(counts, axis=1).tolist() == [200] * size
-    assert np.ptp(counts) < 10
+def test_points_are_multiples_of_powers_of_the_plastic_number_or_the_golden_ratio() -> None:
+    golden, plastic = 0.5 * (np.sqrt(5.0) - 1.0), 1.0 / np.roots([1.0, 0.0, -1.0, -1.0])[0].real
+    np.testing.assert_allclose(_spread(2, 1), [[golden], [2.0 * golden - 1.0]])
+    np.testing.assert_allclose(_spread(2, 2), [[plastic, plastic**2], [2.0 * plastic - 1.0, 2.0 * plastic**2 - 1.0]])
+
+
+def posed(size: int, torque: Any) -> Any:
+    """An arm of joints from 10 to 10.2 whose torques are given by shares (..., size) of their ranges."""
+    link = SimpleNamespace(joint=Joint("hinge", limits=Limits(10.0, 10.2)))
+    calls: list[Any] = []
+
+    def inverse_dynamics(p: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+        calls.append(p)
+        return np.repeat(torque((p - 10.0) / 0.2)[..., None], size, axis=-1)
+
+    description = SimpleNamespace(links=[link] * size)
+    return SimpleNamespace(description=description, inverse_dynamics=inverse_dynamics, calls=calls)
+
+
+def test_a_posture_is_refined_to_a_240th_of_each_range() -> None:
+    peak, told = np.array([0.2, 0.41, 0.77]), list[float]()
+
+    def torque(shares: np.ndarray) -> np.ndarray:
+        found = np.maximum(1.0 - np.abs(shares - peak).sum(axis=-1), 0.0)
+        told.append(found.max())
+        return found
+
+    assert np.all(_gravity_torques(posed(3, torque), np.ones(3)) >= 1.0 - 3.0 / 240.0)
+    assert 0.85 < told[0] < 0.95, "the first postures do not tell"
+
+
+@pytest.mark.parametrize(("size", "limit", "sweeps"), [(12, 1.0, 4), (13, 1.0, 0), (3, 0.9, 0), (3, 2.01, 0)])
+def test_up_to_12_joints_are_swept_one_by_one_where_it_may_decide(size: int, limit: float, sweeps: int) -> None:
+    arm = posed(size, lambda shares: np.ones(shares.shape[:-1]))
+    _gravity_torques(arm, np.full(size, limit))
+    assert len(arm.calls) == 1 + sweeps * size

@@ -66,6 +66,7 @@ def chosen(
     outcomes: list[tuple[Verification, ...]],
     delay: int = 0,
     effects: Any = COUNTS,
+    columns: int = 10,
 ) -> Any:
     """What is held where runs of lower and lower gains end so, the last of them again and again."""
     left = iter(outcomes)
@@ -76,7 +77,7 @@ def chosen(
     monkeypatch.setattr(stated_effects, "verifications", runs)
     proposed = SimpleNamespace(proposed=lambda *rates: offered(rates[1]), control_period=1e-3)
     trials: Any = SimpleNamespace(plant=SimpleNamespace(effects=effects), delay=delay)
-    model: Any = SimpleNamespace(columns=range(10))
+    model: Any = SimpleNamespace(columns=range(columns))
     found = held(trials, model, proposed, ASKED, offered(0.5), 0)  # type: ignore[arg-type]
     return found.proposal.gain, " ".join(found.notes)
 
@@ -89,7 +90,7 @@ def test_the_highest_gains_are_taken_that_hold_in_all_runs(monkeypatch: pytest.M
     assert chosen(monkeypatch, [(GOOD,) * CASES]) == (0.5, "")
     gain, told = chosen(monkeypatch, [(GOOD, BAD, GOOD, GOOD), (BAD,) * CASES, (GOOD,) * CASES])
     assert gain == 0.125
-    assert "0.12" in told
+    assert "bandwidth of 4 1/s, a sampling ratio of 0.12" in told
 
 
 def test_gains_that_hold_in_the_nominal_run_alone_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -121,6 +122,18 @@ def test_where_no_gains_hold_half_the_bandwidth_is_tried(monkeypatch: pytest.Mon
     gain, told = chosen(monkeypatch, [(BAD,) * CASES] * (1 + HALVINGS) + [(GOOD,) * CASES])
     assert gain == 0.5
     assert "bandwidth of 2 1/s" in told
+    for tried, words in ((2 * HALVINGS + 2, "bandwidth of 1 1/s"), (3 * HALVINGS + 3, "no lower gains hold")):
+        assert words in chosen(monkeypatch, [(BAD,) * CASES] * tried + [(GOOD,) * CASES])[1]
+
+
+@pytest.mark.parametrize(("columns", "lowered"), [(100, True), (101, False)])
+def test_gains_of_more_parameters_than_are_learned_are_lowered_for_stated_effects_alone(
+    monkeypatch: pytest.MonkeyPatch, columns: int, lowered: bool
+) -> None:
+    lost = run(0.04, 0.01, 1.5)
+    for effects, found in (((), lowered), (COUNTS, True)):
+        gain, _ = chosen(monkeypatch, [(lost,), (GOOD,)], effects=effects, columns=columns)
+        assert gain == (0.25 if found else 0.5)
 
 
 def test_runs_that_do_not_forget_their_starts_do_not_hold() -> None:
@@ -171,6 +184,10 @@ def test_only_encoders_behind_springs_are_told_of_their_damping() -> None:
     alone = told(ElasticJoints(1e4, motor_inertia=0.02))
     assert "damping=" in alone
     assert f"down to {gains.bandwidth.max() / 4:.2g} 1/s fail" in alone
+    M = ARM.mass_matrix(rule.reference(0.0).p)
+    needed = 0.3 * (gains.damping + np.diagonal(M) * gains.bandwidth)
+    assert f"need {needed[0]:.2g} at shoulder" in alone
+    assert needed[0] > needed[1]
     assert told(ElasticJoints(1e4, motor_inertia=0.02, encoders="motor")) == told(*COUNTS) == told()
 
 
