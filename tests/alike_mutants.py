@@ -189,6 +189,7 @@ ALIKE = {
         "the step of a slope, along which a descent is rounded to three digits"
     ),
     "adaptctl/compilation/stepper.py::Ensemble.run 0 -> 1": "no steps are a number that is checked once more",
+    "adaptctl/compilation/stepper.py::_form 1 -> 2": "members and lanes say how many blocks there are",
     "adaptctl/scalars/scalar.py::logarithm 0.0 -> 1.0 (again 5)": "what is on no side of zero is zero or no number",
     "adaptctl/codegen/wasm_module.py::WasmModule._sincos 1 -> 2": "an argument beside the angle has no use",
     "adaptctl/recording/vector.py::Sheet._legend 1 -> 2": "steps through no marks are none, however long",

@@ -25,6 +25,7 @@ def test_exported_c_of_single_numbers_is_the_one_kept() -> None:
     validate_same(kept("exports")[name], capture.exported(capture.arms()["three"]["gradient"], scalar="float") | own)
 
 
+@pytest.mark.filterwarnings("ignore:.*adaptation gain:adaptctl.errors.TuningWarning")
 @pytest.mark.parametrize("name", rules.ARMS)
 def test_gains_and_references_are_those_kept(name: str) -> None:
     validate_same({name: kept("rules")[name]}, {name: rules.chosen_and_designed(name)})

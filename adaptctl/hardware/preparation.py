@@ -108,7 +108,8 @@ def ready_controller(
     Examples
     --------
     >>> from adaptctl.hardware import ready_controller
-    >>> ready_controller(arm, 0.004, reference).initial.any()
+    >>> moves = adaptctl.Sinusoids([0.3, 0.5], [0.9, 1.2], [0.5, 0.8])
+    >>> ready_controller(arm, 0.004, moves).initial.any()
     np.True_
     """
     controller = adaptive_controller(
