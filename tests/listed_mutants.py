@@ -323,8 +323,8 @@ LISTED: tuple[Listed, ...] = (
     Listed(
         "moving window a sample short",
         "adaptctl/recording/moving_average.py",
-        "np.maximum(stop - max(1",
-        "np.maximum(stop + 1 - max(1",
+        "width = max(1, round(min(window / sample_time, count)))",
+        "width = max(1, round(min(window / sample_time, count)) - 1)",
         ("tests/test_recording.py::test_moving_error_is_the_error_over_what_has_passed",),
     ),
     Listed(
