@@ -52,6 +52,8 @@ ALIKE = {
         "no diagonal of a factor is the tolerance to the last bit"
     ),
     "adaptctl/control/excitation/excitation_trajectory.py::<module> 10 -> 11": "one more reference for comparison",
+    "adaptctl/logs/joint_states_cdr.py::_Layout.of place - BODY -> place + BODY": "modulo 8, as the body begins at 4",
+    "adaptctl/logs/joint_states_cdr.py::_Layout.decoded BODY + 8 -> BODY - 8": "only the first four bytes are read",
     "adaptctl/logs/joint_states_cdr.py::<module> 8 -> 9 (again 1)": "layouts that are forgotten are found again",
     "adaptctl/dynamics/loops/continuation.py::Continuation.follow 1 -> 2 (again 2)": "NumPy takes -2 for -1 in a shape",
     "adaptctl/dynamics/inverse_kinematics.py::<module> 4 -> 5": "one more step at the goal moves nothing",

@@ -344,6 +344,7 @@ def test_mutated_files_are_read_or_refused_in_one_line(every: bool, tmp_path: Pa
     ("timelines", "chosen"),
     [
         ([{"time", "tick", "log_time"}, {"time", "log_time"}], "time"),
+        ([{"time", "tick"}, {"tick", "time"}], "time"),
         ([{"tick", "log_time", "log_tick"}, {"tick", "log_time"}], "tick"),
         ([{"tick", "step", "log_time"}, {"step", "log_time"}], "step"),
         ([{"tick", "log_time"}, {"step", "log_time"}], "log_time"),
