@@ -136,6 +136,8 @@ def test_a_payload_that_is_announced_is_no_touch() -> None:
         feeling.feel(one, 1.0)
     assert [feeling.touched for feeling in found] == [True, False]
     assert plant.dof == 2
+    with pytest.raises(InputError, match=r"memory: expected a GuardedMemory, as the law_state .* got AdaptiveState"):
+        controller.adaptation.expect_payload(felt)
 
 
 @pytest.mark.parametrize(("age", "torque", "touched"), [(1.9, 3.0, 0), (2.0, 3.0, 1), (2.0, -3.0, 1), (2.0, 1.0, 0)])

@@ -34,7 +34,7 @@ from adaptctl.control.adaptation.doubt import (
     touched,
 )
 from adaptctl.control.adaptation.external_torque import ExternalTorque, Touch
-from adaptctl.control.adaptation.guarded_memory import GuardedMemory
+from adaptctl.control.adaptation.guarded_memory import GuardedMemory, memory_of
 from adaptctl.control.adaptation.late_torques import MAX_DELAY
 from adaptctl.control.adaptation.law import Period
 from adaptctl.control.adaptation.payload_test import PayloadTest
@@ -343,7 +343,7 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         >>> learning.decision(adaptctl.SlotineLi(model, 5.0, 4.0, learning).init(p, v).law_state)
         'model'
         """
-        return ("model", "unknown", "payload", "contact", "restarted")[int(np.asarray(memory.watch.decision).item())]
+        return ("model", "unknown", "payload", "contact", "restarted")[int(memory_of(memory).watch.decision.item())]
 
     def expect_payload(self, memory: GuardedMemory) -> GuardedMemory:
         """
@@ -366,7 +366,7 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         >>> learning.decision(learning.expect_payload(state))
         'unknown'
         """
-        watch = memory.watch
+        watch = memory_of(memory).watch
         one, doubt = np.ones_like(watch.alarm), np.full_like(watch.doubt, CLEAR)
         alarm = np.maximum(watch.alarm, 1e-3)
         return memory._replace(watch=watch._replace(announced=one, doubt=doubt, alarm=alarm, decision=UNKNOWN * one))
@@ -392,7 +392,7 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         >>> learning.skip_period(state).watch.moving
         array([0., 0.])
         """
-        watch = memory.watch
+        watch = memory_of(memory).watch
         return memory._replace(watch=watch._replace(moving=np.zeros_like(watch.moving)))
 
     def covariance(self, memory: GuardedMemory) -> Array:
@@ -420,4 +420,4 @@ class GuardedLearning(RecallingLeastSquares[GuardedMemory]):
         >>> learning.covariance(adaptctl.SlotineLi(model, 5.0, 4.0, learning).init(p, v).law_state).diagonal()
         array([0.1, 0.1, 0.1, 0.1, 0.1, 0.1])
         """
-        return self._covariance(memory.stored.remembered)
+        return self._covariance(memory_of(memory).stored.remembered)

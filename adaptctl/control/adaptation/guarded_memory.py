@@ -16,6 +16,7 @@ from adaptctl.control.adaptation.steady_weight import FilteredWeight
 from adaptctl.control.adaptation.stored import Stored
 from adaptctl.control.adaptation.symmetric import joined
 from adaptctl.control.adaptation.two_stage_filter import FilteredTwice
+from adaptctl.errors import validate_kind
 from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column
 
@@ -58,3 +59,9 @@ class GuardedMemory(NamedTuple):
             late_torques.start(delay, r),
             np.array(initial),
         )
+
+
+def memory_of(given: object) -> GuardedMemory:
+    """State that was given. Raises `InputError` where it is that of a controller, or another one."""
+    validate_kind(given, GuardedMemory, "guarded learning: memory", "as the law_state of a controller's state is one")
+    return given  # type: ignore[return-value]  # as was just asked
