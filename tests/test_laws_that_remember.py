@@ -272,7 +272,7 @@ def test_the_stack_keeps_the_newest_samples_that_differ() -> None:
         (lambda: ConcurrentLearning(ONES, stack_size=2.5), r"stack_size: expected a whole number, got 2\.5"),  # type: ignore[arg-type]
         (
             lambda: ConcurrentLearning(ONES, novelty_threshold=0.0),
-            "threshold: expected a positive number of 1/s, got 0",
+            "threshold: expected a positive number of 1/s, since at 0 every period would replace a sample, got 0",
         ),
         (lambda: ConcurrentLearning(ONES, novelty_threshold=np.nan), "threshold: expected a positive number of 1/s"),
         (lambda: ConcurrentLearning(ONES, -1.0), "concurrent learning: prediction_weight"),  # type: ignore[arg-type]

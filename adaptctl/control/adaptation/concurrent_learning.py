@@ -104,7 +104,9 @@ class ConcurrentLearning(Descent[Stack]):
                 "without samples"
             )
         positive_number(
-            self.novelty_threshold, "concurrent learning: novelty_threshold: expected a positive number of 1/s"
+            self.novelty_threshold,
+            "concurrent learning: novelty_threshold: expected a positive number of 1/s, since at 0 every period would "
+            "replace a sample",
         )
 
     def validate(self, model: ReducedModel, initial: Array, control_period: float) -> None:
