@@ -122,6 +122,9 @@ def test_a_motion_is_recorded_whole_and_fifty_times_a_second_at_most(period: flo
     chunks = RrdReader(tmp_path / "a.rrd").store().stream().filter(content="/torque", is_static=False)
     drawn = [row for chunk in chunks for row in chunk.to_record_batch()["Scalars:scalars"].to_pylist()]
     np.testing.assert_allclose(drawn, 9.0 * p[::every])
+    named = RrdReader(tmp_path / "a.rrd").store().stream().filter(content="/__properties/**")
+    said = [chunk.to_record_batch().to_pydict().get("RecordingInfo:name") for chunk in named]
+    assert [["two_link, motion"]] in said
 
 
 def test_forces_of_contacts_are_means_and_points_those_of_the_last_contact(shown: Comparison) -> None:

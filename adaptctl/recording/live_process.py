@@ -41,7 +41,7 @@ def main(descriptor: int, url: str) -> None:
         rows = _Rows(samples, 1 + 3 * mechanism.dof, FILE_BATCH_TIME if is_file(url) else BATCH_TIME)
         first = rows.next()
         if first is not None:
-            recording, parts = started(mechanism, url, first)
+            recording, parts = started(mechanism, url, first, "live")
             log_surroundings(recording, "surroundings", _surroundings(given["boxes"]))
             draw(recording, mechanism, parts, first)
             while (more := rows.next()) is not None:

@@ -26,15 +26,15 @@ def record_motion(path: Path, mechanism: Mechanism, time: Array, p: Array, refer
     every = max(1, round(1.0 / (RATE * float(time[1] - time[0]))))
     rows = np.column_stack((time, p, reference_p, torque))[::every]
     with replacing(path) as beside:
-        recording, parts = started(mechanism, str(beside), rows)
+        recording, parts = started(mechanism, str(beside), rows, "motion")
         draw(recording, mechanism, parts, rows)
         written(recording)
         recording.disconnect()
 
 
-def started(mechanism: Mechanism, url: str, first: Array) -> tuple[rr.RecordingStream, Skeleton]:
+def started(mechanism: Mechanism, url: str, first: Array, what: str) -> tuple[rr.RecordingStream, Skeleton]:
     """Recording at a place, laid out for an arm that moves as its first samples say, and the arm's shapes."""
-    recording = rr.RecordingStream("adaptctl-live", make_default=False)
+    recording = rr.RecordingStream(f"adaptctl-{what}", make_default=False)
     recording.save(url) if is_file(url) else recording.connect_grpc(url)
     parts, r = skeleton(mechanism), mechanism.dof
     around = np.concatenate((first[:, 1 : 1 + r], first[:, 1 + r : 1 + 2 * r]))
@@ -42,7 +42,7 @@ def started(mechanism: Mechanism, url: str, first: Array) -> tuple[rr.RecordingS
     arm = views.arm(WORLD, "The arm · desired: green ghost", Viewpoint.of(mechanism, parts, around))
     recording.send_blueprint(views.live(arm, [views.curves(origin, name, None) for origin, name in names]))
     recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    recording.send_recording_name(f"{mechanism.name}, live")
+    recording.send_recording_name(f"{mechanism.name}, {what}")
     log_base(recording, mechanism, parts, floor_height(mechanism, parts, around))
     return recording, parts
 

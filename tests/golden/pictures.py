@@ -367,7 +367,7 @@ def live(path: Path) -> None:
     rows = np.column_stack(
         [time, np.outer(time, [0.5, -1.0]), np.outer(time**2, [0.4, -0.9]), np.outer(1 - time, [7, 3])]
     )
-    recording, parts = started(mechanism, str(path), rows)
+    recording, parts = started(mechanism, str(path), rows, "live")
     draw(recording, mechanism, parts, rows)
     _end(recording)
 
