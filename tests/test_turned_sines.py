@@ -150,10 +150,14 @@ def test_one_far_angle_of_a_group_changes_no_other(n: int, lanes: int) -> None:
 
 
 def test_passed_sines_turn_as_own_ones_do() -> None:
-    """A called function has the same bits as the whole, and computes no sines anew."""
-    q, v = np.random.default_rng(0).uniform(-3.0, 3.0, (2, 200, 1))
+    """A called function has the same bits as the whole, and computes no sines anew; of other angles it needs one."""
+    q, v = np.random.default_rng(0).uniform(-3.0, 3.0, (2, 200, 3))
+
+    def beside(q: Column, v: Column) -> tuple[Scalar, ...]:
+        return sin(q[0]), *turning(Column(q[1:2]), v), cos(q[2])
+
     apart, whole = (
-        compile_function(lambda q, v, of=of: of(q, v), {"q": 1, "v": 1}, name="turned")
-        for of in (outlined(turning), turning)
+        compile_function(lambda q, v, of=of: of(q, v), {"q": 3, "v": 3}, name="turned")
+        for of in (outlined(beside), beside)
     )
     assert np.array_equal([apart(*x) for x in zip(q, v, strict=True)], [whole(*x) for x in zip(q, v, strict=True)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 from adaptctl.compilation.graph import CALL, INPUT, NEGATE, RESULT, Expression, Op
@@ -36,7 +37,7 @@ class FunctionBody:
         same: Invariants = NONE,
         uniform: Container[int] = (),
         landed: Landings = NOWHERE,
-        sines: tuple[Sequence[Expression], str] = ((), ""),
+        sines: tuple[Mapping[Expression, int], str] = (MappingProxyType({}), ""),
     ) -> None:
         self._uniform = uniform if lanes.count > 1 else ()
         self._text, self._lanes = Instructions(lanes), lanes

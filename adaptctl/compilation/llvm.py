@@ -185,12 +185,11 @@ def _piece(
     return "\n".join([head, *body.lines, "ret void\n}"])
 
 
-def _passed_sines(routine: Routine) -> tuple[Sequence[Expression], str]:
-    """Angles whose sines and cosines are an argument, in its order, and its name; none unless all are passed."""
-    last, angles = len(routine.inputs) - 1, dict[int, Expression]()
-    if routine.sines and sum(part == last for part, _ in routine.used_inputs) == 2 * len(routine.sines):
-        angles = {x.index: x for x in routine.body if x.index in routine.sines}
-    return ([angles[k] for k in routine.sines] if len(angles) == len(routine.sines) else ()), f"%in{last}"
+def _passed_sines(routine: Routine) -> tuple[Mapping[Expression, int], str]:
+    """Angles whose sine and cosine are an argument, and where the sine is; the argument's name."""
+    last, used = len(routine.inputs) - 1, routine.used_inputs
+    places = {k: 2 * i for i, k in enumerate(routine.sines) if {(last, 2 * i), (last, 2 * i + 1)} <= used}
+    return {x: places[x.index] for x in routine.body if x.index in places}, f"%in{last}"
 
 
 def _pointers(routine: Routine, same: Invariants, promise: str = "") -> list[str]:

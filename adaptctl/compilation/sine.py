@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from adaptctl.compilation.graph import Expression, Op
@@ -89,10 +89,10 @@ _WIDE = (2, 4, 8)
 class SinesAtOnce:
     """Sines and cosines of groups of angles as LLVM instructions."""
 
-    def __init__(self, text: Instructions, known: Sequence[Expression], pointer: str) -> None:
+    def __init__(self, text: Instructions, known: Mapping[Expression, int], pointer: str) -> None:
         self._text = text
-        self._pairs = {x: (pointer, 2 * k) for k, x in enumerate(known)}
-        self._size = {pointer: 2 * len(known)}
+        self._pairs = {x: (pointer, first) for x, first in known.items()}
+        self._size = {pointer: 2 + max(known.values(), default=0)}
 
     def place(self, x: Expression) -> tuple[str, int] | None:
         """Memory index of a computed sine or cosine."""
