@@ -16,6 +16,7 @@ import numpy as np
 from golden.scenes import scene, sheet
 
 DIGITS = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
+HEX = re.compile(r"#([0-9a-f]{2})([0-9a-f]{2})([0-9a-f]{2})")
 CURVE, SHAPE = ("color", "linestyle", "linewidth", "marker", "markersize"), ("facecolor", "edgecolor", "linewidth")
 GRID = ("visible", "color", "linewidth", "zorder")
 WORDS = ("position", "color", "size", "ha", "va", "rotation", "weight")
@@ -110,7 +111,7 @@ def value(given: Any) -> Any:
 
 
 def of_svg(source: str) -> dict[str, list[str]]:
-    """Numbers of all attributes of a kind of element, by both, and in its texts; colors as they come."""
+    """Numbers of all attributes of a kind of element, by both, and in its texts; colors by red, green and blue."""
     found: dict[str, list[str]] = {}
     for tag, attributes, inside in re.findall(r"<(\w+)([^>]*)>([^<]*)", source):
         pairs = [*re.findall(r'([\w-]+)="([^"]*)"', attributes), ("inside", inside)]
@@ -122,7 +123,11 @@ def of_svg(source: str) -> dict[str, list[str]]:
 def numbers_of(name: str, content: str) -> list[str]:
     if name == "text-anchor":
         return [ANCHORS[content]]
-    return DIGITS.findall(content) or [content] * name.startswith("fill")
+    return DIGITS.findall(HEX.sub(rgb, content)) or [content] * name.startswith("fill")
+
+
+def rgb(color: re.Match[str]) -> str:
+    return " ".join(str(int(part, 16)) for part in color.groups())
 
 
 def summary(parts: list[str]) -> list[str]:
