@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from comparisons import PERIOD, comparison
 from random_trees import random_chain
-from rerun.chunk import RrdReader
+from recordings import rows
 
 from adaptctl.arrays import Array
 from adaptctl.dynamics import load
@@ -119,12 +119,8 @@ def test_a_motion_is_recorded_whole_and_fifty_times_a_second_at_most(period: flo
     """Of so many samples no process that draws could keep pace with."""
     time, p = period * np.arange(4000.0), np.random.default_rng(0).normal(size=(4000, 2))
     record_motion(tmp_path / "a.rrd", load("two_link"), time, p, 0.5 * p, 9.0 * p)
-    chunks = RrdReader(tmp_path / "a.rrd").store().stream().filter(content="/torque", is_static=False)
-    drawn = [row for chunk in chunks for row in chunk.to_record_batch()["Scalars:scalars"].to_pylist()]
-    np.testing.assert_allclose(drawn, 9.0 * p[::every])
-    named = RrdReader(tmp_path / "a.rrd").store().stream().filter(content="/__properties/**")
-    said = [chunk.to_record_batch().to_pydict().get("RecordingInfo:name") for chunk in named]
-    assert [["two_link, motion"]] in said
+    np.testing.assert_allclose(rows(tmp_path / "a.rrd", "/torque", "Scalars:scalars"), 9.0 * p[::every])
+    assert rows(tmp_path / "a.rrd", "/__properties", "RecordingInfo:name") == [["two_link, motion"]]
 
 
 def test_forces_of_contacts_are_means_and_points_those_of_the_last_contact(shown: Comparison) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import json
 import signal
 import socket
 import subprocess
@@ -18,14 +20,17 @@ import gymnasium
 import numpy as np
 import pytest
 from nightly import at_night
-from rerun.chunk import RrdReader
+from recordings import rows
 
 import adaptctl
 from adaptctl.description import JointKind, Limits
+from adaptctl.description.writers.mechanism_file import mechanism_toml
+from adaptctl.dynamics.recursion.kinematics import link_poses
 from adaptctl.envs import LearningEnv, LiveView, ResidualEnv, TrackingEnv
 from adaptctl.envs.contact import surroundings_of
 from adaptctl.errors import FileError, InputError, LiveViewWarning, MissingExtraError
 from adaptctl.experiments.contest import Contender, contest
+from adaptctl.recording import live_process
 from adaptctl.recording.live import reachable, streaming
 from adaptctl.recording.live_process import _end, _Rows
 
@@ -35,27 +40,47 @@ def arm() -> adaptctl.Mechanism:
     return adaptctl.load("two_link")
 
 
-def shown(path: Path, entity: str, component: str) -> int:
-    """How many samples of an entity a recording has."""
-    chunks = RrdReader(path).store().stream().filter(content=entity, components=component, is_static=False)
-    return sum(len(chunk.to_record_batch()) for chunk in chunks)
-
-
 def test_what_is_shown_arrives_thinned(arm: adaptctl.Mechanism, tmp_path: Path) -> None:
     path = tmp_path / "live.rrd"
     with adaptctl.Live(arm, str(path), rate=50.0, surroundings=surroundings_of("wall")) as live:
         for k in range(1000):
             live.show(1e-3 * k, np.ones(2), np.zeros(2), np.ones(2))
     assert live.sent + live.dropped == 50
-    assert shown(path, "/error", "Scalars:scalars") == live.sent
-    assert shown(path, "/world/arm/upper", "Transform3D:translation") == live.sent
-    drawn = (
-        RrdReader(path).store().stream().filter(content="/world/surroundings/visual/0", components="Boxes3D:half_sizes")
-    )
-    assert [chunk.to_record_batch()["Boxes3D:half_sizes"][0].as_py() for chunk in drawn] == [
-        [pytest.approx([0.02, 0.4, 0.3])]
-    ]
+    assert len(rows(path, "/error", "Scalars:scalars")) == live.sent
+    assert len(rows(path, "/world/arm/upper", "Transform3D:translation")) == live.sent
+    assert rows(path, "/world/surroundings/visual/0", "Boxes3D:half_sizes") == [[pytest.approx([0.02, 0.4, 0.3])]]
     assert not live.is_seen
+
+
+def test_samples_are_drawn_as_they_came(
+    arm: adaptctl.Mechanism, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By the process that draws: in several batches, boxes beside, and what is of another length left out."""
+    samples, path = np.random.default_rng(0).normal(size=(6, 7)), tmp_path / "live.rrd"
+    samples[:, 0] = 0.1 * np.arange(6)
+    turn = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    given = {"robot": mechanism_toml(arm.description), "boxes": [(turn, [1.0, 2.0, 3.0], [0.2, 0.4, 0.6])]}
+    monkeypatch.setattr(sys, "stdin", io.StringIO(json.dumps(given)))
+    monkeypatch.setattr(live_process, "FILE_BATCH_TIME", 0.0)
+    here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with here:
+        for one in samples:
+            here.send(one.tobytes())
+            here.send(one[1:].tobytes())
+    handlers = dict[int, object]()
+    monkeypatch.setattr(signal, "signal", handlers.__setitem__)
+    live_process.main(there.detach(), str(path))
+    assert handlers == {signal.SIGINT: signal.SIG_IGN}
+    p, desired, torque = np.split(samples[:, 1:], 3, axis=1)
+    for entity, values in (("error", 1e3 * (p - desired)), ("torque", torque), ("position/actual", p)):
+        np.testing.assert_allclose(rows(path, f"/{entity}", "Scalars:scalars"), values)
+    for name, at in (("arm", p), ("desired", desired)):
+        places = np.array(rows(path, f"/world/{name}/lower", "Transform3D:translation"))[:, 0]
+        np.testing.assert_allclose(places, link_poses(arm, at).translations[:, 1], atol=1e-6)
+    box = "/world/surroundings/visual/0"
+    np.testing.assert_allclose(rows(path, box, "Boxes3D:half_sizes"), [[[0.1, 0.2, 0.3]]], rtol=1e-6)
+    np.testing.assert_allclose(rows(path, box, "Transform3D:translation"), [[[1.0, 2.0, 3.0]]])
+    np.testing.assert_allclose(rows(path, box, "Transform3D:mat3x3"), [[np.transpose(turn).ravel()]])
 
 
 def test_a_loop_never_waits_for_a_view_that_hangs(arm: adaptctl.Mechanism, tmp_path: Path) -> None:
@@ -134,7 +159,7 @@ def test_experiments_stream_while_they_run(arm: adaptctl.Mechanism, tmp_path: Pa
     with streaming(str(tmp_path / "live.rrd")):
         streamed = contest(env, arm, [contender], 0, lambda *_: None)
     np.testing.assert_allclose(streamed.runs[0].rollout.p, plain.runs[0].rollout.p, atol=1e-12)
-    assert shown(tmp_path / "live.rrd", "/torque", "Scalars:scalars") == 20
+    assert len(rows(tmp_path / "live.rrd", "/torque", "Scalars:scalars")) == 20
 
 
 def test_samples_of_a_burst_are_drawn_before_the_next() -> None:
@@ -197,7 +222,7 @@ def test_what_cannot_be_drawn_ends_the_view_and_not_the_loop(
             live.show(*sample)
         assert not live.is_seen
         live.show(2.0, Z, Z, Z)
-    assert shown(path, "/error", "Scalars:scalars") == live.sent == 1
+    assert len(rows(path, "/error", "Scalars:scalars")) == live.sent == 1
 
 
 def test_places_that_no_view_can_be_written_to_are_refused(arm: adaptctl.Mechanism, tmp_path: Path) -> None:
