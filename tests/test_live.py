@@ -19,6 +19,7 @@ from typing import Any, cast
 import gymnasium
 import numpy as np
 import pytest
+import rerun as rr
 from nightly import at_night
 from recordings import rows
 
@@ -31,7 +32,7 @@ from adaptctl.envs.contact import surroundings_of
 from adaptctl.errors import FileError, InputError, LiveViewWarning, MissingExtraError
 from adaptctl.experiments.contest import Contender, contest
 from adaptctl.recording import live_process
-from adaptctl.recording.live import reachable, streaming
+from adaptctl.recording.live import HOST, PORT, reachable, streaming
 from adaptctl.recording.live_process import _end, _Rows
 
 
@@ -144,6 +145,10 @@ def test_environments_that_cannot_be_shown_are_refused(arm: adaptctl.Mechanism) 
 def test_other_computers_are_refused(address: str) -> None:
     with pytest.raises(InputError, match="on this computer"):
         reachable(address, False, False)
+
+
+def test_a_viewer_is_looked_for_where_reruns_own_program_listens() -> None:
+    assert f"rerun+http://{HOST}:{PORT}/proxy" in (rr.connect_grpc.__doc__ or "")
 
 
 def test_a_viewer_that_answers_is_taken() -> None:

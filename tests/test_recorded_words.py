@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
-from comparisons import comparison
+from comparisons import PERIOD, comparison
 
 from adaptctl.dynamics import load
 from adaptctl.recording import Comparison
-from adaptctl.recording.judgement import facts, outcome
+from adaptctl.recording.judgement import facts, outcome, outcome_words
 from adaptctl.recording.wording import error, number, scientific
 
 
@@ -62,6 +63,13 @@ def test_outcomes_read_well(shown: Comparison) -> None:
     assert outcome(replace(run, rollout=replace(run.rollout, interrupted=True))) == "interrupted at 3.00 s"
     assert outcome(replace(run, rollout=replace(run.rollout, terminated=True))).startswith("stopped at 3.00 s")
     assert math.isfinite(run.final_rms_error or math.nan)
+
+
+@pytest.mark.parametrize("samples", [400, 750])
+def test_a_run_too_short_for_two_errors_tells_the_one_of_all_of_it(samples: int) -> None:
+    short = comparison(load("two_link"), samples)
+    rms = 100.0 * np.sqrt(np.mean(np.exp(-8.0 * PERIOD * np.arange(samples))))
+    assert f"{rms:.3g} mrad over {samples * PERIOD:.2f} s" in outcome_words(short)
 
 
 def test_only_an_arm_of_several_joints_tells_the_error_of_each(shown: Comparison) -> None:
