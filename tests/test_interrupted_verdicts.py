@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from driven_robots import ARM, RecordedRobot
+from signals import signalled
 from test_drive import CENTER, LAW, PERIOD, REFERENCE
 
 import adaptctl
@@ -74,6 +75,19 @@ def test_what_was_recorded_outlives_a_second_ctrl_c(tmp_path: Path, capfd: pytes
     assert "twice" in run.stopped
     assert capfd.readouterr().err.count("stopping") == 1
     assert adaptctl.Rollout.load(tmp_path / "run.parquet").interrupted
+
+
+@pytest.mark.parametrize(("place", "cut"), [("_result", True), ("RunLogger.__exit__", False)])
+@pytest.mark.parametrize("stopped", [False, True])
+def test_ctrl_c_once_the_arm_is_handed_back_loses_nothing(place: str, cut: bool, stopped: bool, tmp_path: Path) -> None:
+    robot = Pressed(ARM, PERIOD, CENTER)
+    robot.pressed = (10,) if stopped else ()
+    with pytest.raises(KeyboardInterrupt) as stop, signalled(place, signal.SIGINT):
+        adaptctl.drive(robot, LAW, REFERENCE, 0.2, tmp_path / "run.parquet")
+    (run,) = stop.value.args
+    assert (run.by_robot, run.stopped) == (False, "interrupted" if stopped else "")
+    kept = adaptctl.Rollout.load(tmp_path / "run.parquet")
+    assert (len(kept.time), kept.interrupted) == (len(run.rollout.time), cut or stopped)
 
 
 def test_a_search_that_was_cut_off_is_no_motion(monkeypatch: pytest.MonkeyPatch) -> None:

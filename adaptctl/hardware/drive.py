@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +30,7 @@ from adaptctl.hardware.compensation import Compensation
 from adaptctl.hardware.driven_run import DrivenRun
 from adaptctl.hardware.force_sensor import ForceSensor, force_flags, sensor_of, validate_felt
 from adaptctl.hardware.gravity import GravityTorque
+from adaptctl.hardware.interruptions import interruptions
 from adaptctl.hardware.lead_in import led_in
 from adaptctl.hardware.loop import DriveLoop
 from adaptctl.hardware.measurements import Measurements
@@ -163,19 +164,22 @@ def drive(
         validate_gravity(own, needed, most, names, limits)
     mass_row = _mass_row(guarded, path, seconds)
     logger = _log(log, guarded, arm, robot.period, seconds, mass_row is not None, sensor)
-    with ExitStack() as held_open:
-        if logger is not log:
-            held_open.enter_context(logger)
-        loop = DriveLoop(robot, guarded, path, seconds, arm, limits, stopping, measurements, gravity, compensation)
-        loop.log, loop.live, loop.max_error, loop.on_touch = logger, live, greatest, on_touch
-        loop.mass_row, loop.sensor = mass_row, sensor
-        if sensor is not None and sensor.point is not None and loop.held_state.feels and arm.is_plain_tree:
-            loop.wrench_torque = WrenchTorque(arm)
+    loop = DriveLoop(robot, guarded, path, seconds, arm, limits, stopping, measurements, gravity, compensation)
+    loop.log, loop.live, loop.max_error, loop.on_touch = logger, live, greatest, on_touch
+    loop.mass_row, loop.sensor = mass_row, sensor
+    if sensor is not None and sensor.point is not None and loop.held_state.feels and arm.is_plain_tree:
+        loop.wrench_torque = WrenchTorque(arm)
+    with interruptions(loop.interrupt), nullcontext() if logger is log else logger:
         with stage(loop):
             loop.run(now, own, gravity(now.p) if from_zero else own)
-        run = _result(loop, robot)
-        if loop.interrupted:
-            raise KeyboardInterrupt(run)
+        run = _uninterrupted(loop, _result(loop, robot))
+    return _uninterrupted(loop, run)
+
+
+def _uninterrupted(loop: DriveLoop, run: DrivenRun) -> DrivenRun:
+    """Run, unless Ctrl-C was pressed: `KeyboardInterrupt` then has it."""
+    if loop.interrupted:
+        raise KeyboardInterrupt(run)
     return run
 
 

@@ -16,13 +16,12 @@ STDERR = 2
 
 @contextmanager
 def interruptions(told: Callable[[], None]) -> Iterator[None]:
-    """Context in which the first Ctrl-C calls a function, and the next raises `KeyboardInterrupt`."""
+    """Context in which Ctrl-C calls a function."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
 
     def note(number: int, frame: FrameType | None) -> None:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
         told()
 
     before = signal.signal(signal.SIGINT, note)

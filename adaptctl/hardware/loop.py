@@ -23,7 +23,7 @@ from adaptctl.hardware.checks import innermost
 from adaptctl.hardware.compensation import Compensation
 from adaptctl.hardware.force_sensor import ForceSensor, logged
 from adaptctl.hardware.gravity import GravityTorque
-from adaptctl.hardware.interruptions import ignore_interruptions, interruptions, tell_of_stop
+from adaptctl.hardware.interruptions import ignore_interruptions, tell_of_stop
 from adaptctl.hardware.measurements import Measurements
 from adaptctl.hardware.resting import StoppingDistance
 from adaptctl.hardware.robot import HardwareLimits, RobotReading
@@ -94,7 +94,7 @@ class DriveLoop:
 
     def run(self, now: RobotReading, own: Array, held: Array) -> None:
         """Run to the end or a stop, from the controller's torque at rest (r,) and one that holds the arm (r,)."""
-        with without_collections(), interruptions(self._interrupt):
+        with without_collections():
             try:
                 self._start(now, own, held)
                 while not self.ended:
@@ -379,9 +379,12 @@ class DriveLoop:
             self.robot.stop()
             self.by_robot = True  # not before: an interruption in between asks for the stop again
 
-    def _interrupt(self) -> None:
+    def interrupt(self) -> None:
+        """Take a Ctrl-C: the first stops the arm, the next one by its own means, and those after its end are noted."""
+        if self.interrupted and not self.ended:
+            raise KeyboardInterrupt
         self.interrupted = True
-        if self.moves:
+        if self.moves and not self.ended:
             tell_of_stop()
 
 
