@@ -382,6 +382,7 @@ def test_a_turn_is_360_degrees_and_a_minute_60_seconds() -> None:
     for factors, *steps in (
         (units.TIME, "s", "ms", "us", "ns"),
         (units.POSITION, "m", "mm"),
+        (units.POSITION, "rad", "mrad"),
         (units.TORQUE, "N m", "mN m"),
     ):
         for whole, part in pairwise(steps):

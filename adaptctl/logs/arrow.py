@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
+from adaptctl.logs.units import TIME
 
 EXACT = 2**53
 """size from which floating-point numbers have no ones"""
-FACTORS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
 class LogColumn(NamedTuple):
@@ -56,7 +56,7 @@ def numbers(name: str, column: Any, unit: str = "", first: int | None = None) ->
         yield _moments(name, column, first)
     elif pa.types.is_duration(kind):
         values, own = _floats(column.cast(pa.int64()), first)
-        yield LogColumn(name, FACTORS[kind.unit] * values, "s", _empty(column), first=own)
+        yield LogColumn(name, TIME[kind.unit] * values, "s", _empty(column), first=own)
     elif _holds_numbers(kind):
         values, own = _floats(column, first)
         yield LogColumn(name, values, unit, _empty(column), begin=own or 0, first=own)
@@ -94,7 +94,7 @@ def _moments(name: str, column: Any, first: int | None) -> LogColumn:
         column, unit = column.cast(pa.timestamp("ms")), "ms"
     whole = column.cast(pa.int64())
     values, own = _from_first(whole, first)
-    return LogColumn(name, FACTORS[unit] * values, "s", _empty(column), begin=FACTORS[unit] * (own or 0), first=own)
+    return LogColumn(name, TIME[unit] * values, "s", _empty(column), begin=TIME[unit] * (own or 0), first=own)
 
 
 def _floats(column: Any, first: int | None) -> tuple[Array, int | None]:

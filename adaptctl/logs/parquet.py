@@ -14,7 +14,8 @@ from adaptctl.logs.batches import Batches, UnlikeBeforeError
 from adaptctl.logs.table import LogTable, table, validate_size, whole_stamps
 
 MAX_UNPACKED = 8 * 2**30
-BUFFER = 2**20
+BUFFER = 1_000_000
+"""bytes of a column that are read at a time"""
 MAX_RATIO, FREE = 1000, 400 * 2**20
 """declared bytes for each one of the file, besides some that any file may have"""
 

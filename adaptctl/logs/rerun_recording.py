@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
 from adaptctl.errors import AdaptctlError, FileError
-from adaptctl.logs.arrow import FACTORS, numbers
+from adaptctl.logs.arrow import numbers
 from adaptctl.logs.table import LogTable, table, validate_size
+from adaptctl.logs.units import TIME
 
 SCALARS, ARRIVAL = "Scalars:scalars", ("log_time", "log_tick")
-MAX_CHUNKS = 1_000_000
 
 
 def read_rrd(path: str | Path) -> LogTable:
@@ -22,8 +22,8 @@ def read_rrd(path: str | Path) -> LogTable:
     from rerun.chunk import RrdReader
 
     try:
-        chunks = [c for c in RrdReader(path).store().stream() if not c.is_static]
-        batches = [(c.entity_path, c.to_record_batch()) for c in chunks[:MAX_CHUNKS]]
+        chunks = RrdReader(path).store().stream()
+        batches = [(c.entity_path, c.to_record_batch()) for c in chunks if not c.is_static]
     except (AdaptctlError, MemoryError):
         raise
     except BaseException as error:  # the package, written in another language, raises many kinds, panics among them
@@ -37,7 +37,7 @@ def read_rrd(path: str | Path) -> LogTable:
     kind = next(b.schema.field(timeline).type for _, b in scalars if timeline in b.schema.names)
     stamps = np.unique(np.concatenate([times for times, _ in columns.values()]))
     validate_size(path, len(stamps), len(columns))
-    factor = FACTORS.get(getattr(kind, "unit", ""), 1.0)
+    factor = TIME.get(getattr(kind, "unit", ""), 1.0)
     found, empty = [("time", factor * (stamps - stamps[0]))], dict[str, NDArray[np.bool_]]()
     for name, (times, values) in columns.items():
         whole, mask = np.full(len(stamps), np.nan), np.ones(len(stamps), dtype=np.bool_)
