@@ -10,11 +10,14 @@ import pytest
 from numpy.typing import ArrayLike
 
 import adaptctl
-from adaptctl.control import MinimumJerk, ReferencePoint, Sinusoids, SlotineLi, Spline
+from adaptctl.control import MinimumJerk, Reference, ReferencePoint, Sinusoids, SlotineLi, Spline
+from adaptctl.description import Joint, JointKind
+from adaptctl.description.drive import Limits
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import ReferenceWarning
 from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation import simulate_many
+from adaptctl.simulation.reference_limits import _may_be_degrees
 from adaptctl.simulation.references import DIFFERENCE_STEP, warn_of_derivatives
 
 NAMES = ("shoulder", "elbow")
@@ -51,7 +54,7 @@ def test_exact_derivatives_are_no_cause(reference: adaptctl.Sinusoids) -> None:
     ("part", "says"),
     [("a", "the acceleration of elbow is not the derivative of its velocity"), ("p", "the velocity of elbow is not")],
 )
-@pytest.mark.parametrize("factor", [0.0, 0.8, -1.0, 57.3])
+@pytest.mark.parametrize("factor", [0.0, 0.9, -1.0, 57.3])
 def test_the_joint_that_is_wrong_is_named(part: str, says: str, factor: float) -> None:
     with pytest.warns(ReferenceWarning, match=says):
         warn_of_derivatives(Twisted(part, factor), NAMES, 5.0)
@@ -79,3 +82,56 @@ def test_runs_that_are_too_short_for_differences_are_not_looked_at() -> None:
         raise AssertionError("the reference was asked")
 
     warn_of_derivatives(unasked, NAMES, 2.0 * DIFFERENCE_STEP)
+
+
+def test_times_are_apart_by_the_same_and_from_both_ends_by_golden_parts_of_that() -> None:
+    """So that they are neither ends nor middles of what is symmetric."""
+    asked: list[np.ndarray] = []
+
+    def watched(time: ArrayLike, /) -> ReferencePoint:
+        asked.append(np.asarray(time))
+        return TRUE(time)
+
+    warn_of_derivatives(watched, NAMES, 2.0)
+    before, now, after = asked
+    np.testing.assert_allclose(after - now, now - before, rtol=1e-9)
+    apart, gaps = np.diff(now), (before[0], 2.0 - after[-1])
+    np.testing.assert_allclose(apart, sum(gaps), rtol=1e-9)
+    assert gaps[1] / gaps[0] == pytest.approx(0.5 * (1.0 + np.sqrt(5.0)), rel=2e-3)
+
+
+def drift(v: float) -> Reference:
+    """A joint that stands still and states a velocity."""
+    return lambda t: ReferencePoint(*(np.full((len(t), 2), x) for x in (0.3, v, 0.0)))  # type: ignore[arg-type]
+
+
+def test_fast_sinusoids_and_round_off_are_no_cause() -> None:
+    """Of 640 Hz; to lose more than the tolerance, differences would have to be of twice the time."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warn_of_derivatives(Sinusoids([0.0, 0.0], [1e-3, 1e-3], [640.0, 640.0]), NAMES, 5.0)
+        warn_of_derivatives(Twisted("a", 0.97), NAMES, 5.0)
+        warn_of_derivatives(drift(0.9e-6), NAMES, 5.0)
+    with pytest.warns(ReferenceWarning, match="velocity of shoulder, elbow"):
+        warn_of_derivatives(drift(1.5e-6), NAMES, 5.0)
+
+
+@pytest.mark.parametrize(
+    ("limits", "way", "degrees"),
+    [
+        ((-2.0, 2.0), (0.0, 90.0), True),  # beyond, within as degrees
+        ((-2.0, 2.0), (0.0, -90.0), True),
+        ((-2.0, 2.0), (0.0, 6.2), False),  # less than a turn
+        ((-2.0, 2.0), (0.0, 6.3), True),
+        ((-2.0, 2.0), (0.0, 115.0), False),  # beyond as degrees too
+        ((-2.0, 2.0), (0.0, -115.0), False),
+        ((-np.inf, np.inf), (18.84, 90.0), False),  # less than three turns at first
+        ((-np.inf, np.inf), (6.0 * np.pi, 90.0), False),
+        ((-np.inf, np.inf), (18.86, 0.0), True),
+        ((-np.inf, np.inf), (-18.86, 0.0), True),
+    ],
+)
+def test_angles_that_may_be_degrees(limits: tuple[float, float], way: tuple[float, float], degrees: bool) -> None:
+    bounds = Limits(lower=limits[0], upper=limits[1])
+    assert _may_be_degrees(Joint("turn", limits=bounds), np.array(way)) is degrees
+    assert not _may_be_degrees(Joint("slide", JointKind.PRISMATIC, limits=bounds), np.array(way))
