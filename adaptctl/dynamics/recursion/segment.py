@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,11 +119,27 @@ class AxisRotation(Mat):
 
     def __init__(self, axis: int, cosine: Scalar, sine: Scalar) -> None:
         self.axis, self.cosine, self.sine = axis, cosine, sine
-        rows: list[list[Scalar]] = [[0.0] * 3 for _ in range(3)]
-        i, j = (axis + 1) % 3, (axis + 2) % 3
-        rows[axis][axis] = 1.0
-        rows[i][i], rows[i][j], rows[j][i], rows[j][j] = cosine, sine, -sine, cosine
-        super().__init__(*(Vec(*row) for row in rows))
+        c, s = cosine, sine
+        if axis == 0:
+            super().__init__(Vec(1.0, 0.0, 0.0), Vec(0.0, c, s), Vec(0.0, -s, c))
+        elif axis == 1:
+            super().__init__(Vec(c, 0.0, -s), Vec(0.0, 1.0, 0.0), Vec(s, 0.0, c))
+        else:
+            super().__init__(Vec(c, s, 0.0), Vec(-s, c, 0.0), Vec(0.0, 0.0, 1.0))
+
+    @overload
+    def __matmul__(self, other: Vec) -> Vec: ...
+    @overload
+    def __matmul__(self, other: Mat) -> Mat: ...
+    def __matmul__(self, other: Vec | Mat) -> Vec | Mat:
+        if isinstance(other, Mat):
+            return super().__matmul__(other)
+        c, s, (x, y, z) = self.cosine, self.sine, other
+        if self.axis == 0:
+            return Vec(x, c * y + s * z, -s * y + c * z)
+        if self.axis == 1:
+            return Vec(c * x + -s * z, y, s * x + c * z)
+        return Vec(c * x + s * y, -s * x + c * y, z)
 
     @property
     def T(self) -> AxisRotation:
