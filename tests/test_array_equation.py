@@ -87,6 +87,19 @@ def test_arrays_of_any_kind_and_shape(both: Any, name: str) -> None:
     assert called(native, name, *(x[:0] for x in given)).shape == (0, *expected.shape[1:])
 
 
+@pytest.mark.parametrize("columns", [None, (7, 61, 3)])
+def test_rows_of_few_states_are_those_of_many(monkeypatch: pytest.MonkeyPatch, columns: tuple[int, ...] | None) -> None:
+    """Bit for bit, with drives and with arrays that are broadcast."""
+    arm = load("puma560_friction")
+    p, v, a, _ = states(arm, 6).reshape(4, 2, 3, 6)
+    monkeypatch.setattr(rule, "MAX_ENTRIES_AT_ONCE", 36)
+    few = arm.torque_regressor(p[:1], v, a[1], columns)
+    assert few.flags.c_contiguous
+    monkeypatch.setattr(rule, "MAX_ENTRIES_AT_ONCE", 35)
+    monkeypatch.setattr(rule, "rows_at_once", None)  # is not asked
+    np.testing.assert_array_equal(few, arm.torque_regressor(p[:1], v, a[1], columns))
+
+
 @pytest.mark.parametrize("name", GIVEN)
 def test_results_go_into_given_memory(both: Any, name: str) -> None:
     for mechanism in both:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +17,7 @@ from adaptctl.compilation.routine import MAX_COMPILED_LINKS
 from adaptctl.description import Description
 from adaptctl.description.reach import depths
 from adaptctl.dynamics.equations import Equations
+from adaptctl.dynamics.motion import Motion
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.scalars import Column, column
 
@@ -43,6 +44,10 @@ class OnArrays(Protocol):
         """True if it runs as native code, which it does once it is asked for enough states."""
 
 
+# Vectors, matrices by rows, or matrices (..., m, n) made of arrays at once.
+Equated: TypeAlias = Column | list[Column] | Array
+
+
 class ArrayEquation:
     """Equation of a mechanism on NumPy arrays."""
 
@@ -62,7 +67,7 @@ class ArrayEquation:
     def __init__(
         self,
         name: str,
-        function: Callable[..., Column | list[Column]],
+        function: Callable[..., Equated],
         sizes: Callable[[], Mapping[str, int]],
         links: int,
         *,
@@ -139,7 +144,10 @@ class ArrayEquation:
                 result = self._function(*map(column, given))
         except ZeroDivisionError as error:
             raise NonFiniteError(f"{self._name}: the result is not finite for finite arguments") from error
-        found = stacked(result.of, samples) if isinstance(result, Column) else stacked_rows(result, samples)
+        if isinstance(result, Column):
+            found = stacked(result.of, samples)
+        else:
+            found = result if isinstance(result, np.ndarray) else stacked_rows(result, samples)
         if not np.isfinite(found).all():
             raise NonFiniteError(f"{self._name}: the result is not finite for finite arguments")
         return found
@@ -239,6 +247,17 @@ def unit_rows(n: int) -> Array:
     return np.lib.stride_tricks.sliding_window_view(numbers, n)[::-1]
 
 
+MAX_ENTRIES_AT_ONCE = 1000
+"""States times joints, up to which a regressor's rows are computed together: for more, skipping zeros pays."""
+
+
+def rows_at_once(motion: Motion, joints: int, samples: tuple[int, ...], columns: Sequence[int]) -> Array:
+    """Regressors (..., joints, k) at arrays of states, from the powers at unit rates of each joint."""
+    rates = np.eye(joints).reshape(joints, joints, *(1 for _ in samples))
+    powers = stacked(motion.regressor_transpose_product(Column(rates), columns).of, (joints, *samples))
+    return np.ascontiguousarray(np.moveaxis(powers, 0, -2))
+
+
 MAX_JOINT_LINK_PAIRS = 600
 """Pairs of a joint and a link it moves, above which a regressor is computed by rows: LLVM takes 5 s for so many."""
 
@@ -323,7 +342,7 @@ class ArrayEquations:
 
     def of(
         self,
-        function: Callable[..., Column | list[Column]],
+        function: Callable[..., Equated],
         *arguments: str,
         compiled: bool = True,
         sizes: Mapping[str, int] | None = None,
@@ -349,9 +368,13 @@ class ArrayEquations:
         mechanism = self._mechanism
         long = is_long(mechanism.description)
 
-        def rows(q: Column, v: Column, v_r: Column, a_r: Column) -> list[Column]:
+        def rows(q: Column, v: Column, v_r: Column, a_r: Column) -> Equated:
             equations = mechanism.equations
             chosen = range(equations.parameters) if columns is None else columns
+            samples = np.broadcast_shapes(*(x[0].shape for x in (q, v, v_r, a_r) if isinstance(x[0], np.ndarray)))
+            few = samples != () and len(v) * math.prod(samples) <= MAX_ENTRIES_AT_ONCE
+            if few and chosen and mechanism.description.loops is None:
+                return rows_at_once(equations.motion(q, v, v_r, a_r), len(v), samples, chosen)
             return equations.torque_regressor(q, v, v_r, a_r, chosen)
 
         if name == "slotine_li_regressor":
