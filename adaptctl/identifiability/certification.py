@@ -25,8 +25,9 @@ from adaptctl.identifiability.energy_matrix import (
     DecomposedNullSpace,
     EnergyFactor,
     ScaledRegressor,
-    energy_blocks,
-    energy_scales,
+    energies_of_sets,
+    scales_of,
+    scaling_states,
     torque_rows,
 )
 from adaptctl.identifiability.proof.exact_energies import ExactEnergies, proved
@@ -79,9 +80,10 @@ def certified_by_decomposition(
 ) -> CertifiedNullSpace:
     """Certified null space by singular value decomposition of sampled energy differences."""
     generator = np.random.default_rng(seed)
-    some, as_many = random_halves(mechanism, samples, generator)
-    factor = EnergyFactor.of(energy_blocks(mechanism, some))
-    doubled = EnergyFactor.of(energy_blocks(mechanism, as_many), before=factor)
+    halves = random_halves(mechanism, samples, generator)
+    some, as_many, (sizes,) = energies_of_sets(mechanism, *halves, [scaling_states(mechanism, seed)])
+    factor = EnergyFactor.of(some)
+    doubled = EnergyFactor.of(as_many, before=factor)
     scaled = ScaledRegressor.of_energies(mechanism, factor)
     rows = torque_rows(mechanism, generator)
     certificate = Certificate(
@@ -105,7 +107,7 @@ def certified_by_decomposition(
         taken_as_exact=_taken_as_exact(mechanism, proof),
     )
     _validate_accepted(mechanism, certificate, scaled.singular_values)
-    found = DecomposedNullSpace(scaled, energy_scales(mechanism, seed))
+    found = DecomposedNullSpace(scaled, scales_of(mechanism, sizes))
     return CertifiedNullSpace(found, certificate, _origin(mechanism, samples, seed), proof)
 
 

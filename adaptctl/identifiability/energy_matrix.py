@@ -39,6 +39,16 @@ def energies(mechanism: Mechanism, states: States) -> Array:
     return mechanism.energy_regressor(states.p, states.v)[..., : mechanism.num_energy_parameters]
 
 
+def energies_of_sets(mechanism: Mechanism, *sets: Iterable[States]) -> list[Iterable[Array]]:
+    """Energy regressors at sets of states, in blocks; those of few states by one call, whose own time is most."""
+    states = [state for each in sets if isinstance(each, list) for state in each]
+    if len(states) < len(sets):
+        return [energy_blocks(mechanism, each) for each in sets]
+    p, v = (np.concatenate([getattr(each, what) for each in states]) for what in "pv")
+    together = energies(mechanism, States(p, v, ""))
+    return [[rows] for rows in np.split(together, np.cumsum([len(each) for each in states[:-1]]))]
+
+
 def energy_blocks(mechanism: Mechanism, states: Iterable[States]) -> Iterator[Array]:
     """Energy regressors in blocks of at most max(1024, 4 P) states."""
     for some in states:
@@ -116,7 +126,16 @@ def column_scales(norms: Array, parameter_names: Sequence[str], length: float) -
 
 def energy_scales(mechanism: Mechanism, seed: int) -> Array:
     """Scales (P,) in SI units per J: inverse energies at 46 random states, floored."""
-    E = energies(mechanism, random_states(mechanism, SCALING_STATES, np.random.default_rng(seed)))
+    return scales_of(mechanism, energies(mechanism, scaling_states(mechanism, seed)))
+
+
+def scaling_states(mechanism: Mechanism, seed: int) -> States:
+    """Random states whose energies are the scales."""
+    return random_states(mechanism, SCALING_STATES, np.random.default_rng(seed))
+
+
+def scales_of(mechanism: Mechanism, E: Array) -> Array:
+    """Scales (P,) in SI units per J: inverse norms of energies (m, P), floored."""
     return column_scales(
         np.linalg.norm(E, axis=0),
         mechanism.parameter_names[: mechanism.num_energy_parameters],
