@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import lru_cache
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -95,7 +96,12 @@ def inverse(residues: Any) -> Any:
     """Inverses of residues; `ValueError` for zero."""
     if isinstance(residues, int):
         return pow(residues, -1, PRIME)
-    return np.array([pow(x, -1, PRIME) for x in residues.tolist()], dtype=np.int64)
+    values = residues.tolist()
+    before = list(accumulate(values, lambda a, b: a * b % PRIME, initial=1))
+    over = pow(before.pop(), -1, PRIME)  # of all together (Montgomery 1987)
+    after = accumulate(reversed(values), lambda a, b: a * b % PRIME, initial=over)
+    found = [a * b % PRIME for a, b in zip(reversed(before), after, strict=False)]
+    return np.array(found[::-1], dtype=np.int64)
 
 
 def random_residues(samples: int, generator: np.random.Generator) -> Modular:
@@ -275,18 +281,17 @@ def _eliminated(left: Any, pivot: int, place: int) -> Any:
 
 def ranks(matrices: Residues) -> tuple[int, ...]:
     """Ranks (N,) of N small matrices of residues."""
-    left, many = matrices.copy(), np.arange(len(matrices))
+    left, many, rows = matrices.copy(), np.arange(len(matrices)), np.arange(matrices.shape[1])
     found = np.zeros(len(matrices), dtype=np.int64)
     for place in range(matrices.shape[2]):
-        candidates = (left[:, :, place] != 0) & (np.arange(matrices.shape[1]) >= found[:, None])
-        pivot = candidates.argmax(axis=1)
-        has = candidates[many, pivot]
-        top = np.minimum(found, matrices.shape[1] - 1)
+        candidates = (left[:, :, place] != 0) & (rows >= found[:, None])
+        has, top = candidates.any(axis=1), np.minimum(found, rows[-1])
+        pivot = np.where(has, candidates.argmax(axis=1), top)
         row = left[many, pivot]
-        left[many, pivot] = np.where(has[:, None], left[many, top], row)
-        scaled = row * inverse(np.where(has, row[:, place], 1))[:, None] % PRIME
-        left[many, top] = np.where(has[:, None], scaled, left[many, top])
-        below = np.where(np.arange(matrices.shape[1]) > top[:, None], left[:, :, place], 0) * has[:, None]
-        left = (left - below[:, :, None] * scaled[:, None, :]) % PRIME
+        left[many, pivot], left[many, top] = left[many, top], row
+        below = left[:, :, place] * ((rows > top[:, None]) & has[:, None])
+        scale = np.where(has, row[:, place], 1)
+        # Both products, and their difference, fit 64 bits: no pivot needs an inverse.
+        left = (left * scale[:, None, None] - below[:, :, None] * row[:, None, :]) % PRIME
         found += has
     return tuple(found.tolist())

@@ -17,6 +17,7 @@ from adaptctl.description.loops import Closure
 from adaptctl.description.right_angles import near_right_angles
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.loops.constraint import ClosureSide, Follower, Loop
+from adaptctl.dynamics.recursion.motion import AXES
 from adaptctl.dynamics.recursion.segment import Segment
 from adaptctl.errors import InputError
 from adaptctl.identifiability.certificate import ROUND_OFF_RATIO
@@ -74,7 +75,8 @@ class Reading:
 
     def rotation(self, turns: Turns) -> Mat:
         """Exact rotation matrix of successive turns about coordinate axes."""
-        first, *rest = (turned(axis, *self.turned(angle)) for axis, angle in turns)
+        each = ((axis, self.turned(angle)) for axis, angle in turns)
+        first, *rest = [turned(axis, *angle) for axis, angle in each if angle != QUARTERS[0]] or [AXES]
         return reduce(product, rest, first)
 
 

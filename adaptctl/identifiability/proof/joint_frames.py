@@ -9,6 +9,7 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 from adaptctl.description import GROUND, Description, Pose
+from adaptctl.dynamics.recursion.segment import AxisRotation
 from adaptctl.scalars import Mat, Vec, cross, dot, product
 
 # Parts of one in which floats are read.
@@ -55,10 +56,11 @@ def simplest_rational(x: float, size: float = 1.0, precision: Precision = AS_GIV
 
 
 def _near(x: float, size: float, distance: float) -> Fraction:
-    unit = Fraction(10) ** math.floor(math.log10(size))
-    middle, around = round(Fraction(abs(x)) / unit * _UNITS), round(distance * _UNITS)
+    power, (over, under) = math.floor(math.log10(size)), abs(x).as_integer_ratio()
+    up, down = 10 ** max(power, 0), 10 ** max(-power, 0)  # the unit is up/down
+    middle, around = round(Fraction(over * down * _UNITS, under * up)), round(distance * _UNITS)
     n, d = _simplest(max(middle - around, 1), middle + around, _UNITS)
-    return (n if x > 0.0 else -n) * Fraction(1, d) * unit
+    return Fraction((n if x > 0.0 else -n) * up, d * down)
 
 
 def turn(angle: float, precision: Precision = AS_GIVEN) -> Turn:
@@ -106,11 +108,7 @@ def bearing(angle: float, precision: Precision) -> float:
 
 def turned(axis: int, c: Any, s: Any) -> Mat:
     """Rotation matrix about a coordinate axis, from cosine and sine."""
-    if axis == 0:
-        return Mat(Vec(1.0, 0.0, 0.0), Vec(0.0, c, -s), Vec(0.0, s, c))
-    if axis == 1:
-        return Mat(Vec(c, 0.0, s), Vec(0.0, 1.0, 0.0), Vec(-s, 0.0, c))
-    return Mat(Vec(c, -s, 0.0), Vec(s, c, 0.0), Vec(0.0, 0.0, 1.0))
+    return AxisRotation(axis, c, -s)
 
 
 class FloatFrame(NamedTuple):
@@ -122,7 +120,7 @@ class FloatFrame(NamedTuple):
     @classmethod
     def of(cls, pose: Pose) -> FloatFrame:
         """Pose as Python floats."""
-        return cls(Mat.of(pose.rotation.tolist()), Vec(*pose.translation.tolist()))
+        return cls(Mat(*(Vec(*row) for row in pose.rotation.tolist())), Vec(*pose.translation.tolist()))
 
     def __matmul__(self, inner: FloatFrame) -> FloatFrame:
         """Frame that is at `inner` in this one."""
@@ -184,8 +182,8 @@ def canonical_frames(description: Description, length: float, precision: Precisi
     axes = [Vec(*link.joint.axis.tolist()) for link in links]
 
     def gauged(frame: FloatFrame, link: int) -> tuple[FloatFrame, float]:
-        carried = ((frame.inverse @ nears[k], axes[k]) for k in children[link])
-        angle = _gauge(carried, frame.inverse.rotation, length, precision)
+        back = frame.inverse
+        angle = _gauge(((back @ nears[k], axes[k]) for k in children[link]), back.rotation, length, precision)
         return FloatFrame(product(frame.rotation, turned(2, math.cos(angle), math.sin(angle))), frame.origin), angle
 
     on_links = {GROUND: gauged(_upright(description), GROUND)[0]}
