@@ -96,17 +96,30 @@ def inverse(residues: Any) -> Any:
     """Inverses of residues; `ValueError` for zero."""
     if isinstance(residues, int):
         return pow(residues, -1, PRIME)
-    values = residues.tolist()
+    values = residues.ravel().tolist()
     before = list(accumulate(values, lambda a, b: a * b % PRIME, initial=1))
     over = pow(before.pop(), -1, PRIME)  # of all together (Montgomery 1987)
     after = accumulate(reversed(values), lambda a, b: a * b % PRIME, initial=over)
     found = [a * b % PRIME for a, b in zip(reversed(before), after, strict=False)]
-    return np.array(found[::-1], dtype=np.int64)
+    return np.array(found[::-1], dtype=np.int64).reshape(residues.shape)
 
 
-def random_residues(samples: int, generator: np.random.Generator) -> Modular:
+def centred(numbers: Residues) -> Residues:
+    """Residues from -2^30 to 2^30: of their products, seven add up within 64 bits."""
+    return (numbers + PRIME // 2) % PRIME - PRIME // 2
+
+
+def random_residues(samples: int | tuple[int, ...], generator: np.random.Generator) -> Modular:
     """Random nonzero residues, one for each sample."""
     return Modular(generator.integers(1, PRIME, samples))
+
+
+def random_turns(samples: int | tuple[int, ...], generator: np.random.Generator) -> tuple[Modular, Modular]:
+    """Random cosines and sines, on the unit circle."""
+    t = random_residues(samples, generator)
+    square = t * t
+    over = 1.0 / (1.0 + square)
+    return (1.0 - square) * over, 2.0 * t * over
 
 
 def stacked_residues(entries: list[Any], samples: int) -> Residues:

@@ -12,11 +12,10 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.caching import cached_property
-from adaptctl.description import GROUND, Description
+from adaptctl.description import Description
 from adaptctl.description.loops import Coupling
 from adaptctl.dynamics import Mechanism
-from adaptctl.dynamics.recursion.energy import Weight, carried_weight, link_energy, placed_energy_regressor, weights
-from adaptctl.dynamics.recursion.motion import Twist, carried, twists
+from adaptctl.dynamics.recursion.energy import placed_energy_regressor
 from adaptctl.dynamics.recursion.segment import Placement, Segment
 from adaptctl.dynamics.tree_equations import TreeEquations
 from adaptctl.errors import RankError
@@ -28,17 +27,20 @@ from adaptctl.identifiability.proof.arithmetic import (
     digits,
     modular,
     random_residues,
+    random_turns,
     residue,
     scaled,
     stacked_residues,
 )
 from adaptctl.identifiability.proof.exact_geometry import (
+    ExactFrame,
     ExactGeometry,
     Reading,
     as_equal,
     loop_lengths,
     near_coincidences,
 )
+from adaptctl.identifiability.proof.exact_transfers import energy_changes
 from adaptctl.identifiability.proof.joint_frames import (
     AS_GIVEN,
     AS_MEANT,
@@ -49,7 +51,7 @@ from adaptctl.identifiability.proof.joint_frames import (
     turn,
 )
 from adaptctl.identifiability.sampling import characteristic_length, random_states
-from adaptctl.scalars import ZERO, Column
+from adaptctl.scalars import Column
 
 FIELD, DIGITS = "a prime field", "60 digits"
 # Rows more than a rank can be: all of them would have to be unlucky at once, one time in 2^31 each.
@@ -119,10 +121,7 @@ def random_rates(description: Description, samples: int, rng: np.random.Generato
 
 
 def _random(samples: int, rng: np.random.Generator) -> Coordinate:
-    t, length = random_residues(samples, rng), random_residues(samples, rng)
-    square = t * t
-    over = 1.0 / (1.0 + square)
-    return Coordinate((1.0 - square) * over, 2.0 * t * over, length)
+    return Coordinate(*random_turns(samples, rng), random_residues(samples, rng))
 
 
 def _product(one: tuple[Any, Any], other: tuple[Any, Any]) -> tuple[Any, Any]:
@@ -158,26 +157,6 @@ def energy_differences(description: Description, geometry: ExactGeometry, sample
     return (E[1:] - E[:1]) % PRIME
 
 
-def energy_changes(description: Description, geometry: ExactGeometry, samples: int, seed: int) -> Residues:
-    """Energy changes (N, samples, 11) of bodies moved from each joint's link to its parent, as residues."""
-    rng = np.random.default_rng(seed)
-    places = random_places(description, geometry, samples, rng)
-    rates = random_rates(description, samples, rng)
-    moving, heavy = twists(places, rates), weights(places, geometry.gravity)
-    out = np.zeros((len(places), samples, 11), dtype=np.int64)
-    for i, link in enumerate(geometry.links):
-        before, base = Twist(ZERO, ZERO), Weight(geometry.gravity, 0.0)
-        if link.parent != GROUND:
-            before, base = moving[link.parent], heavy[link.parent]
-        still = link.placed((1.0, 0.0) if link.turns else (0.0,))
-        free = link_energy(moving[i], heavy[i])
-        held = link_energy(carried(still, before), carried_weight(still, base))
-        out[i, :, :10] = stacked_residues([*(free - held)], samples)
-        if description.links[i].joint.drive.rotor_inertia is not None:
-            out[i, :, 10] = rates[i].residues * rates[i].residues % PRIME
-    return out
-
-
 @dataclass(frozen=True, eq=False)
 class ExactEnergies:
     """Energies of a mechanism on exact geometry, at a precision."""
@@ -197,11 +176,12 @@ class ExactEnergies:
     def rank(self) -> int:
         """Number of identifiable directions."""
         description = self.mechanism.description
-        plain = description.loops is None and len(description.bodies) == len(description.links)
+        plain = description.loops is None and len(description.bodies) == len(description.links) and not self.by_frames
         # A drive that turns with several joints has its energy in products of their rates too.
         if plain and not description.drive_couplings and self.mechanism.unconstrained is self.mechanism:
             # Of a tree, it is the sum of what its joints feel (Wensing, Niemeyer and Slotine 2017).
-            return sum(arithmetic.ranks(energy_changes(description, self.geometry, 11 + SPARE_ROWS, self.seed)))
+            joints = [ExactFrame.of(joint.joint, self.reading) for joint in self.frames.joints]
+            return sum(arithmetic.ranks(energy_changes(description, joints, 11 + SPARE_ROWS, self.seed)))
         return arithmetic.rank(self._differences, self._nothing)
 
     def kept(self, order: Sequence[int]) -> tuple[int, ...]:
@@ -231,8 +211,8 @@ class ExactEnergies:
         return self.mechanism.description.closed
 
     @cached_property
-    def geometry(self) -> ExactGeometry:
-        """Geometry in exact scalars."""
+    def reading(self) -> Reading:
+        """Rule by which the geometry's floats are exact."""
         length = characteristic_length(self.mechanism)
         unit = Fraction(10) ** math.floor(math.log10(length)) if self.closed else Fraction(1)
         reading = Reading(digits if self.closed else modular, length, unit, self.precision)
@@ -240,9 +220,14 @@ class ExactEnergies:
         if self.precision is AS_MEANT:
             lengths = (x for x, _ in loop_lengths(description, self.frames))
             reading = replace(reading, equal=as_equal(lengths, self.precision.length * length))
+        return reading
+
+    @cached_property
+    def geometry(self) -> ExactGeometry:
+        """Geometry in exact scalars."""
         if self.by_frames:
-            return ExactGeometry.by_frames(description, reading)
-        return ExactGeometry.by_axes(description, self.frames, reading)
+            return ExactGeometry.by_frames(self.mechanism.description, self.reading)
+        return ExactGeometry.by_axes(self.mechanism.description, self.frames, self.reading)
 
     @cached_property
     def frames(self) -> CanonicalFrames:
