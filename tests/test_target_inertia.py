@@ -199,9 +199,13 @@ def test_a_force_without_its_point_drives_no_inertia() -> None:
     law, sensor = joints(0.6 * OWN, workspace=AT_HOME), ForceSensor(None, 1.0)
     for silent in (None, sensor):
         with pytest.raises(InputError, match="no force with its point"):
-            validate_felt(law, silent)
+            validate_felt(law, silent, law.model.mechanism)
     sensor.point = np.zeros(3)
-    validate_felt(law, sensor)
+    validate_felt(law, sensor, law.model.mechanism)
+    looped = adaptctl.load("semi_direct_drive_parallelogram")
+    with pytest.raises(InputError, match=f"{looped.name}: through loops .* leave out force_cutoff"):
+        validate_felt(law, sensor, looped)
+    validate_felt(joints(None, force_cutoff=None, workspace=AT_HOME), sensor, looped)
 
 
 class SensingRobot(RecordedRobot):

@@ -152,7 +152,7 @@ def drive(
     if (sensor := sensor_of(robot, force)) is not None:
         sensor.rest()
         now = standing(robot, measurements, names, limits)
-    validate_felt(guarded, sensor)
+    validate_felt(guarded, sensor, arm)
     path = led_in(reference, now.p, seconds, arm, limits, stopping, lead_in)
     tool = getattr(robot, "tool", None)
     weight = gravity if tool is None or hasattr(robot, "compensation") else GravityTorque(arm, tool)

@@ -9,6 +9,7 @@ import numpy as np
 from adaptctl.arrays import Array
 from adaptctl.control import HeldState
 from adaptctl.control.controller import Controller
+from adaptctl.dynamics import Mechanism
 from adaptctl.errors import InputError
 from adaptctl.hardware.robot import finite_vector
 
@@ -134,11 +135,16 @@ def sensor_of(robot: Any, level: float) -> ForceSensor | None:
     return ForceSensor(robot, level) if callable(getattr(robot, "force", None)) else None
 
 
-def validate_felt(controller: Controller[Any], sensor: ForceSensor | None) -> None:
-    """Raise `InputError` if a measured force drives a controller, and there is none."""
-    if HeldState(controller).driven and (sensor is None or sensor.point is None):
+def validate_felt(controller: Controller[Any], sensor: ForceSensor | None, mechanism: Mechanism) -> None:
+    """Raise `InputError` if the torques of a measured force drive a controller, and are not known."""
+    missing = (
+        "" if mechanism.is_plain_tree else f"{mechanism.name}: through loops and couplings no force has known torques"
+    )
+    if sensor is None or sensor.point is None:
+        missing = "robot: it measures no force with its point"
+    if missing and HeldState(controller).driven:
         raise InputError(
-            "robot: it measures no force with its point, which drives the target inertia of the controller: leave out "
+            f"{missing}, which drives the target inertia of the controller: leave out "
             "force_cutoff, and give it an adaptation of with_external_torque(...)"
         )
 
