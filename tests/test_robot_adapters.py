@@ -23,9 +23,10 @@ from random_trees import random_chain
 import adaptctl
 from adaptctl.cli.drive import _geared
 from adaptctl.cli.main import main
+from adaptctl.control import Gradient
 from adaptctl.description.drive import Drive
 from adaptctl.description.inertia import inertia_tensor
-from adaptctl.errors import InputError
+from adaptctl.errors import InputError, StabilityWarning
 from adaptctl.hardware import (
     ROTOR_PROFILES,
     FrankaRobot,
@@ -149,16 +150,16 @@ REFERENCE = motion_about(CENTER, LIMITS)
 MODEL = adaptctl.ReducedModel(ARM)
 
 
-def law(period: float) -> adaptctl.SlotineLi:
+def law(period: float, delay: int = 0) -> adaptctl.SlotineLi:
     own = {"initial": MODEL.fundamental_parameters, "control_period": period}
-    return adaptctl.SlotineLi(MODEL, 8.0, [6.0, 2.0], np.full(len(MODEL.names), 0.02), **own)
+    return adaptctl.SlotineLi(MODEL, 8.0, [6.0, 2.0], Gradient(np.full(len(MODEL.names), 0.02), delay=delay), **own)
 
 
 @pytest.mark.parametrize("vendor", [1e-3], indirect=True)
 def test_franka_is_handed_back_where_it_compensates_itself(vendor: SimulatedVendor) -> None:
     robot = FrankaRobot("robot", limits=LIMITS)
     assert robot.tool.tolist() == [0.0] * 10
-    run = adaptctl.drive(robot, law(1e-3), REFERENCE, 1.0)
+    run = adaptctl.drive(robot, law(1e-3, 1), REFERENCE, 1.0)
     assert (run.stopped, vendor.calls) == ("", ["start", "finished"])
     assert run.peak_torque_rate <= 950.0
     assert run.final_rms_error.max() < 1e-3
@@ -169,7 +170,8 @@ def test_franka_is_handed_back_where_it_compensates_itself(vendor: SimulatedVend
 def test_ur_knows_its_payload_and_stops_where_it_changes(vendor: SimulatedVendor) -> None:
     robot = URRobot("robot", LIMITS)
     assert robot.tool.tolist() == [0.0] * 10
-    run = adaptctl.drive(robot, law(2e-3), REFERENCE, 1.5)
+    with pytest.warns(StabilityWarning, match="0 control periods late, and the robot states 1"):
+        run = adaptctl.drive(robot, law(2e-3), REFERENCE, 1.5)
     assert (run.stopped, vendor.calls) == ("", ["stop"])
     assert run.final_rms_error.max() < 1e-3
     vendor.payload = 0.5

@@ -15,7 +15,9 @@ import pytest
 from driven_robots import ARM
 
 import adaptctl
+from adaptctl.control import Gradient, GuardedLearning, Projection
 from adaptctl.control.controller import ReferencePoint
+from adaptctl.errors import StabilityWarning
 from adaptctl.hardware import (
     FrankaRobot,
     HardwareLimits,
@@ -255,6 +257,21 @@ def test_torques_of_vendors_arms_act_a_period_later() -> None:
     period = signature(TrossenRobot).parameters["control_period"].default
     for kind in (FrankaRobot, URRobot, TrossenRobot):
         assert periods_late(SimpleNamespace(delay=kind.delay, period=getattr(kind, "period", period))) == 1
+
+
+@pytest.mark.parametrize(("delay", "own"), [(0, 1), (1, 0), (2, 1), (99, 0)])
+def test_a_law_that_learns_of_another_delay_than_the_robots_is_told_of(delay: int, own: int) -> None:
+    robot, ones, most = SimpleNamespace(delay=delay * PERIOD, period=PERIOD), np.ones(6), min(delay, 64)
+    bounds = np.full(6, 9.0)
+    for late, law in ((Gradient, Projection(Gradient(ones, delay=own), -bounds, bounds)), (GuardedLearning, None)):
+        adaptation = law or late(ones, delay=own)
+        with pytest.warns(
+            StabilityWarning, match=rf"came {own} .* states {most}: .* {late.__name__}\(..., delay={most}"
+        ):
+            checks.warn_of_delay(SimpleNamespace(inner=SimpleNamespace(adaptation_law=adaptation)), robot)
+        checks.warn_of_delay(SimpleNamespace(adaptation_law=late(ones, delay=most)), robot)
+    for other in (SimpleNamespace(adaptation_law=None), object()):
+        checks.warn_of_delay(other, robot)
 
 
 def test_a_controller_is_for_the_robots_period_to_a_thousandth() -> None:

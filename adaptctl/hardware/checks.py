@@ -9,11 +9,12 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.control import SafetyFilter
+from adaptctl.control.adaptation.late_torques import MAX_DELAY
 from adaptctl.control.controller import Controller, ReferencePoint
 from adaptctl.control.gains.gain_design import largest_with_delay
 from adaptctl.control.gains.sampling_ratio import sampling_ratios
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import GainError, InputError, validate_kind
+from adaptctl.errors import GainError, InputError, StabilityWarning, validate_kind, warn
 from adaptctl.hardware.measurements import Measurements
 from adaptctl.hardware.preparation import hold_at, periods_late
 from adaptctl.hardware.robot import HardwareLimits, RobotReading, validate_posture
@@ -69,6 +70,17 @@ def validate_delay(controller: Any, robot: Any, p: Array) -> None:
             f"damping: T_c lambda_max(M^-1 K) = {ratio:.3g} is above {most:.3g}, the limit at a delay of {delay} "
             f"control periods, which the robot states: multiply the damping by {most / ratio:.2g} at most, or tune "
             f"with sampling_ratio={hold_at(delay):.2g}"
+        )
+
+
+def warn_of_delay(controller: Any, robot: Any) -> None:
+    """Warn if a law learns as if torques came later, or earlier, than the robot states."""
+    law, delay = innermost(getattr(innermost(controller), "adaptation_law", None)), min(periods_late(robot), MAX_DELAY)
+    if (own := getattr(law, "delay", delay)) != delay:
+        warn(
+            f"adaptation: it learns as if torques came {own} control periods late, and the robot states {delay}: "
+            f"estimates may ring up; give {type(law).__name__}(..., delay={delay})",
+            StabilityWarning,
         )
 
 

@@ -25,6 +25,7 @@ from adaptctl.hardware.checks import (
     validate_delay,
     validate_gravity,
     validate_periods,
+    warn_of_delay,
 )
 from adaptctl.hardware.compensation import Compensation
 from adaptctl.hardware.driven_run import DrivenRun
@@ -117,6 +118,11 @@ def drive(
         If Ctrl-C was pressed: before the first torque, or after the planned stop, with the run as argument. A second
         Ctrl-C is the robot's own stop.
 
+    Warns
+    -----
+    StabilityWarning
+        If the adaptation has another `delay` than the robot states.
+
     Notes
     -----
     Torques stay within the limits and 95 % of the rate limits from the first one on, which starts from the torque that
@@ -158,6 +164,7 @@ def drive(
     weight = gravity if tool is None or hasattr(robot, "compensation") else GravityTorque(arm, tool)
     compensation = Compensation(robot, weight, bool(np.any(arm.description.gravity)))
     validate_delay(controller, robot, now.p)
+    warn_of_delay(controller, robot)
     own = torque_at_rest(guarded, now.p)
     if not from_zero:
         needed, most = _held(robot, now, compensation, gravity)
