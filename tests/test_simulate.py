@@ -345,11 +345,14 @@ class OwnStep(Spring):
         (lambda env: env, OwnStep(), "OwnStep has a custom step"),
     ],
 )
-def test_what_cannot_be_compiled_is_driven_step_by_step(wrapped: Any, controller: Spring, reason: str) -> None:
+def test_what_cannot_be_compiled_is_driven_step_by_step(
+    wrapped: Any, controller: Spring, reason: str, tmp_path: Path
+) -> None:
     env = wrapped(environment(SMALL, duration=0.05))
     with pytest.warns(NotCompiledWarning, match=f"{reason}.*running step by step with rollout"):
-        run = simulate(env, controller, seed=1)
+        run = simulate(env, controller, seed=1, stream=tmp_path / "run.parquet")
     validate_equal(run, rollout(env, controller, seed=1))
+    np.testing.assert_array_equal(Rollout.load(tmp_path / "run.parquet").p, run.p)
 
 
 def test_environments_with_a_step_of_their_own_are_driven_step_by_step() -> None:

@@ -157,7 +157,7 @@ def tuple_of(*given: Any) -> tuple[Any, ...]:
     return given
 
 
-BLOCK = """<mujoco><option gravity="0 0 0"/><worldbody><geom name="floor" type="plane" size="1 1 .1"/>
+BLOCK = """<mujoco><option gravity="0 0 0"/><worldbody><geom name="floor" type="plane" size="1 1 .1" margin=".3"/>
 <body name="block" pos="0 0 1"><joint name="z" type="slide" axis="0 0 1" range="-1 1"/><geom type="sphere" size=".5"/>
 </body></worldbody><actuator><motor joint="z"/></actuator></mujoco>"""
 
