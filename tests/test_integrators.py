@@ -10,9 +10,11 @@ import pytest
 from figures import require
 
 from adaptctl.arrays import Array
+from adaptctl.compilation import trace
+from adaptctl.control import PDGravity
 from adaptctl.dynamics import Mechanism, load
 from adaptctl.scalars import Column, Dual
-from adaptctl.simulation import Integrator, LinearlyImplicitEuler, Plant, RungeKutta4, SemiImplicitEuler
+from adaptctl.simulation import ClosedLoop, Integrator, LinearlyImplicitEuler, Plant, RungeKutta4, SemiImplicitEuler
 
 ORDERS = [(RungeKutta4(), 4), (SemiImplicitEuler(), 1), (LinearlyImplicitEuler(), 1)]
 
@@ -90,3 +92,12 @@ def test_energy_drift_of_the_puma(puma: Mechanism, free_fall: bool) -> None:
             energies.append(plant.energy(state))
             peak = max(peak, 0.5 * float(state.v @ mechanism.mass_matrix(state.p) @ state.v))
         require("energy-drift", np.ptp(energies) / peak, 1e-9, "energy drift of the PUMA in 1 s of RK4 at 1 ms")
+
+
+@pytest.mark.parametrize(("integrator", "called"), [(RungeKutta4(), 1), (SemiImplicitEuler(), 0)])
+def test_what_one_acceleration_shares_with_the_controller_is_computed_once(integrator: Integrator, called: int) -> None:
+    arm = load("semi_direct_drive")
+    loop = ClosedLoop(Plant(arm, 1e-3, integrator=integrator), PDGravity(arm, np.ones(3), np.ones(3)))
+    columns = loop.state | loop.held | loop.reference | loop.noise
+    routine = trace(lambda **given: tuple(loop.equation(**given)[0]), columns)
+    assert len(routine.subroutines) == called

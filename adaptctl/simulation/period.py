@@ -100,7 +100,7 @@ def held_motion(
         q, v = integrator.step(lambda q, v: bodies.moved(q, v, torque, parameters)[1], q, v, dt, rates)
         return bodies.projected(q), v
 
-    repeated = outlined(substep)
+    repeated = outlined(substep) if several or substeps > 1 else substep  # which shares terms with a controller
 
     def advanced(q: Column, v: Column, torque: Column, parameters: Column) -> tuple[Column, Column]:
         known = parameters if fewer is None else fewer.parameters(parameters)
