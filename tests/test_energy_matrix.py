@@ -108,6 +108,13 @@ def test_halves_are_drawn_one_after_the_other(puma: Mechanism) -> None:
     np.testing.assert_array_equal(np.vstack(once), np.vstack(again))
 
 
+def test_energies_have_zeros_of_one_sign(puma: Mechanism) -> None:
+    E = energies(puma, random_states(puma, 3, np.random.default_rng(0)))
+    zeros = E[E == 0.0]
+    assert len(zeros)
+    assert not np.signbit(zeros).any()
+
+
 @pytest.mark.parametrize("links", [1, 2, 3])
 def test_torques_are_at_least_twice_as_many_as_parameters(links: int) -> None:
     mechanism = random_chain(0, links)

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from adaptctl.compilation import Op, trace
 from adaptctl.errors import InputError, NonFiniteError
 from adaptctl.scalars import (
+    ZERO,
     Column,
     Dual,
     Mat,
@@ -40,6 +41,13 @@ vectors = st.builds(Vec, reals, reals, reals)
 @given(vectors, vectors, vectors)
 def test_triple_product_is_cyclic(a: Vec, b: Vec, c: Vec) -> None:
     assert dot(a, cross(b, c)) == pytest.approx(dot(b, cross(c, a)), abs=1e-12)
+
+
+@given(vectors)
+def test_the_zero_vector_costs_no_operations(a: Vec) -> None:
+    assert a + ZERO is a
+    assert cross(a, ZERO) is ZERO
+    assert dot(a, ZERO) == 0.0
 
 
 @given(vectors, vectors)

@@ -36,7 +36,8 @@ SINGULAR_VALUE_FLOOR = 1e-15
 
 def energies(mechanism: Mechanism, states: States) -> Array:
     """Energy regressor (samples, P) in J per SI unit of each parameter."""
-    return mechanism.energy_regressor(states.p, states.v)[..., : mechanism.num_energy_parameters]
+    # Plus zero, since factors may follow the sign of a zero, which is Python's or native code's.
+    return mechanism.energy_regressor(states.p, states.v)[..., : mechanism.num_energy_parameters] + 0.0
 
 
 def energies_of_sets(mechanism: Mechanism, *sets: Iterable[States]) -> list[Iterable[Array]]:

@@ -183,11 +183,15 @@ def _functionals_at_zero(frames: JointFrames, across: Array, rates: Array) -> Ar
     bracket = twist_entries(units @ S[:, None] - S[:, None] @ units)
     pairing = functionals(units.mT @ S[:, None])
     out = np.zeros((len(S), 17, 10))
-    out[:, 0] = functionals(S.mT @ S)
+    out[:, 0], out[:, 1:7], out[:, 7:] = functionals(S.mT @ S), pairing, rates  # of full spans, as most are
     spans = {GROUND: (np.zeros((0, 6)), _row_space(np.concatenate([[0.0], -frames.gravity, np.zeros(6)])[None]))}
     for i, parent in enumerate(frames.parents):
         X, f = spans[parent]
+        if X.shape == carried[i].shape and f.shape == across[i].shape:
+            spans[i] = X, f
+            continue
         X, f = _moved(X, carried[i]), _moved(f, across[i])
+        out[i, 1:] = 0.0
         out[i, 1 : 1 + len(X)] = X @ pairing[i]
         out[i, 7 : 7 + len(f)] = f @ rates[i]
         spans[i] = (_grown(X, frames.twists[i][None], bracket[i]), _grown(f, out[i], rates[i]))

@@ -154,7 +154,8 @@ class Priority:
         named = (*self.order, *self.keep)
         _validate_known(named, parameter_names, "parameter")
         _validate_once(named, "parameter")
-        rest = [name for name in _default_order(parameter_names) if name not in set(named)]
+        given = set(named)
+        rest = [name for name in _default_order(parameter_names) if name not in given]
         place = {name: i for i, name in enumerate(parameter_names)}
         if len(place) < len(parameter_names):
             _validate_once(parameter_names, "parameter")
@@ -238,14 +239,16 @@ def _kinds(given: Iterable[str]) -> list[str]:
 
 def _default_order(parameter_names: Sequence[str]) -> tuple[str, ...]:
     """Kind by kind, rotors last."""
-    kinds = (*KINDS, "rotor_inertia")
+    groups: dict[str, list[str]] = {kind: [] for kind in (*KINDS, "rotor_inertia")}
     for name in parameter_names:
-        if name.rpartition(".")[2] not in kinds:
+        group = groups.get(name.rpartition(".")[2])
+        if group is None:
             raise InputError(
                 f"parameter_names: {printable(repr(name))}: expected an inertial parameter, such as 'link1.m', or a "
                 "rotor inertia"
             )
-    return tuple(sorted(parameter_names, key=lambda name: kinds.index(name.rpartition(".")[2])))
+        group.append(name)
+    return tuple(name for group in groups.values() for name in group)
 
 
 def _validate_known(given: Sequence[str], known: Sequence[str], what: str) -> None:

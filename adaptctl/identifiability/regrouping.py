@@ -79,15 +79,15 @@ def independent_columns(columns: Array, tolerance: float, negligible: float) -> 
     """Indices (c,) of independent columns of (r, n), and their orthonormal directions (c, r)."""
     left, taken = columns.T.copy(), list[int]()
     directions = np.empty((min(columns.shape), len(columns)))
-    for k in range(len(directions)):
-        sizes = np.vecdot(left, left)
-        best = int((sizes > tolerance**2).argmax())
-        if not sizes[best] > tolerance**2:
-            best = int(sizes.argmax())
+    for direction in directions:
+        sizes = np.vecdot(left, left).tolist()
+        best = next((i for i, size in enumerate(sizes) if size > tolerance**2), -1)
+        if best < 0:
+            best = sizes.index(max(sizes))
             if sizes[best] <= negligible**2:
                 break
-        directions[k] = left[best] / math.sqrt(sizes[best])
-        left -= (left @ directions[k])[:, None] * directions[k]
+        np.divide(left[best], math.sqrt(sizes[best]), out=direction)
+        left -= left.dot(direction)[:, None] * direction
         left[best] = 0.0  # of what was taken nothing is left, whatever round-off says
         taken.append(best)
     return taken, directions[: len(taken)]

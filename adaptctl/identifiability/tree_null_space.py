@@ -100,13 +100,14 @@ def _selected(
 
 
 def _chosen(columns: Array, importance: Array, tolerance: float) -> tuple[Indices, Indices, Array]:
-    order = np.argsort(-importance)
-    columns = columns[:, order]
-    taken, directions = independent_columns(columns, tolerance, RANK_TOLERANCE)
-    rest = np.ones(len(order), dtype=bool)
-    rest[taken] = False
-    seen = directions @ columns
-    return order[taken], order[rest], np.asarray(np.linalg.solve(seen[:, taken], seen[:, rest]), dtype=np.float64)
+    order = (-importance).argsort()
+    columns = columns.take(order, axis=1)
+    found, directions = independent_columns(columns, tolerance, RANK_TOLERANCE)
+    taken, others = np.array(found, dtype=np.int64), np.ones(len(order), dtype=bool)
+    others[taken] = False
+    rest, seen = others.nonzero()[0], directions @ columns
+    coefficients = np.linalg.solve(seen.take(taken, axis=1), seen.take(rest, axis=1))
+    return order[taken], order[rest], np.asarray(coefficients, dtype=np.float64)
 
 
 def _collected(selections: Sequence[_LinkSelection], parameters: int) -> Regrouping:
@@ -176,7 +177,9 @@ class TreeNullSpace:
         found = tree_regrouping(self.transfers, order, tolerance)
         own = parameter_units(self.mechanism, self.transfers.frames.length) / self.scales
         kept, removed = list(found.kept), list(found.removed)
-        return replace(found, coefficients=found.coefficients * own[kept, None] / own[removed])
+        coefficients = found.coefficients * own[kept, None]
+        coefficients /= own[removed]
+        return replace(found, coefficients=coefficients)
 
 
 @dataclass(frozen=True, eq=False)

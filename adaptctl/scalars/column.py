@@ -37,6 +37,8 @@ class Vec:
         self.x, self.y, self.z = x, y, z
 
     def __add__(self, other: Vec) -> Vec:
+        if other is ZERO:
+            return self
         return Vec(self.x + other.x, self.y + other.y, self.z + other.z)
 
     def __sub__(self, other: Vec) -> Vec:
@@ -72,6 +74,8 @@ def dot(a: Vec, b: Vec) -> Any:
     >>> dot(Vec(1.0, 2.0, 3.0), Vec(0.0, 1.0, 1.0))
     5.0
     """
+    if b is ZERO:
+        return 0.0
     return a.x * b.x + a.y * b.y + a.z * b.z
 
 
@@ -95,6 +99,8 @@ def cross(a: Vec, b: Vec) -> Vec:
     >>> cross(Vec(1.0, 0.0, 0.0), Vec(0.0, 1.0, 0.0)).z
     1.0
     """
+    if b is ZERO:
+        return ZERO
     return Vec(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from adaptctl.arrays import Array
 from adaptctl.description import Description, Link
 from adaptctl.description.pose import exact_right_angles
-from adaptctl.scalars import Column, Mat, Scalar, Vec, cos, dot, product, sin
+from adaptctl.scalars import ZERO, Column, Mat, Scalar, Vec, cos, dot, product, sin
 
 
 class Segment(NamedTuple):
@@ -38,8 +38,8 @@ class Segment(NamedTuple):
             axis=Vec(*exact_right_angles(outward @ link.joint.axis).tolist()),
             inward=_matrix(link.parent_to_joint.rotation.T),
             outward=_matrix(outward),
-            parent_to_joint=Vec(*link.parent_to_joint.translation.tolist()),
-            joint_to_link=Vec(*(outward @ link.joint_to_link.translation + 0.0).tolist()),
+            parent_to_joint=_vector(link.parent_to_joint.translation),
+            joint_to_link=_vector(outward @ link.joint_to_link.translation + 0.0),
             whole=_whole(outward, link.joint.axis, link.parent_to_joint.rotation.T)
             if link.joint.kind.is_revolute
             else None,
@@ -199,6 +199,10 @@ def _sum(parts: tuple[Mat, Mat, Mat], c: Scalar, s: Scalar) -> Mat:
     """K_0 + K_c c + K_s s."""
     rows = zip(*parts, strict=True)
     return Mat(*(Vec(*(k + kc * c + ks * s for k, kc, ks in zip(*row, strict=True))) for row in rows))
+
+
+def _vector(entries: Array) -> Vec:
+    return Vec(*entries.tolist()) if entries.any() else ZERO
 
 
 def _matrix(rotation: Array) -> Mat | None:
