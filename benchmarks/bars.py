@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from adaptctl.files import replacing
-from adaptctl.recording.drawing import INK, MUTED, PAPER, run_color
+from adaptctl.recording.colors import INK, MUTED, PAPER, run_color
 from benchmarks.findings import Speedup
 
 STYLE: dict[Any, Any] = {"svg.hashsalt": "adaptctl", "svg.fonttype": "none", "font.size": 9.0, "text.color": INK.hex}

@@ -17,7 +17,7 @@ from adaptctl.description.pose import Pose
 from adaptctl.description.visual import Box, Visual
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.recursion.kinematics import link_poses
-from adaptctl.recording.drawing import BASE, BODY, GOAL, INK, RUN_COLORS, Color
+from adaptctl.recording.colors import BASE, BODY, GOAL, INK, RUN_COLORS, Color
 from adaptctl.recording.skeleton import ROOT_RADIUS, Solid, skeleton
 
 OVERSAMPLING = 2

@@ -21,7 +21,8 @@ from adaptctl.experiments.laws_controllers import controller, friction_columns
 from adaptctl.experiments.over_time import over_time
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import ControllerRun, Finding, wording
-from adaptctl.recording.drawing import TRUTH, Drawing, run_color, sheet
+from adaptctl.recording.colors import TRUTH, run_color
+from adaptctl.recording.drawing import Drawing, sheet
 from adaptctl.recording.wording import number, parameter_unit, typeset
 from adaptctl.simulation import Plant, simulate_many
 

@@ -11,8 +11,8 @@ from comparisons import comparison
 from adaptctl.dynamics import load
 from adaptctl.experiments.disturbed_arm import LAWS
 from adaptctl.recording import Comparison
+from adaptctl.recording.colors import GOAL, JOINT_COLORS, LIMIT, RUN_COLORS, Color, run_color
 from adaptctl.recording.comparison import color_indices
-from adaptctl.recording.drawing import GOAL, JOINT_COLORS, LIMIT, RUN_COLORS, Color, run_color
 from adaptctl.recording.report import report
 
 

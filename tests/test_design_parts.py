@@ -36,7 +36,7 @@ from adaptctl.design.picture import _moved, colors, norm
 from adaptctl.design.report import _place, _run_words, _runs
 from adaptctl.design.simplifications import Simplification, _independent_columns, _least_mass
 from adaptctl.errors import InputError
-from adaptctl.recording.drawing import BODY
+from adaptctl.recording.colors import BODY
 from adaptctl.simulation.effects import Payload
 
 

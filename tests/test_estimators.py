@@ -31,7 +31,7 @@ from adaptctl.identification.least_squares import first_stage, halves, weighted_
 from adaptctl.identification.preparation import prepare
 from adaptctl.identification.report import report
 from adaptctl.recording import scene, stream, views
-from adaptctl.recording.drawing import MUTED, joint_color, run_color
+from adaptctl.recording.colors import MUTED, joint_color, run_color
 
 
 def noisy(seed: int, encoder: float) -> Known:

@@ -33,7 +33,7 @@ from adaptctl.envs.rendering import (
     box_hits,
     intersect,
 )
-from adaptctl.recording.drawing import GOAL
+from adaptctl.recording.colors import GOAL
 from adaptctl.recording.skeleton import Solid, skeleton, tip_path
 
 CENTER = np.array([0.0, -0.6, 0.8, 0.0, 0.5, 0.0])

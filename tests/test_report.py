@@ -13,6 +13,7 @@ from comparisons import comparison
 
 from adaptctl.dynamics import load
 from adaptctl.recording import Comparison, Fact, RunRole, Setting, StepCost, write_artifacts
+from adaptctl.recording.colors import INK, PAPER, TICKS
 from adaptctl.recording.judgement import facts, joint_errors, outcome_words
 from adaptctl.recording.page import Note, Table
 from adaptctl.recording.report import _costs, report
@@ -156,6 +157,7 @@ def test_text_of_a_report_stands_out_from_its_ground() -> None:
         for ink in ("ink", "soft", "accent", "warm"):
             for ground in ("paper", "wash", "card"):
                 assert contrast(theme[ink], theme[ground]) >= 4.5, (ink, ground)
+    assert min(contrast(ink.hex, PAPER.hex) for ink in (INK, TICKS)) >= 4.5
 
 
 def contrast(one: str, other: str) -> float:

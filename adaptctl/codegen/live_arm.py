@@ -20,7 +20,7 @@ from adaptctl.control.gains.workspace import sampled_configurations
 from adaptctl.control.pytree import leaves, like
 from adaptctl.control.references import SinusoidNumbers, sinusoids_at
 from adaptctl.dynamics.recursion.kinematics import frames, link_poses
-from adaptctl.recording.drawing import joint_color
+from adaptctl.recording.colors import joint_color
 from adaptctl.recording.page import rendered
 from adaptctl.scalars import Column, clip
 from adaptctl.simulation import Plant

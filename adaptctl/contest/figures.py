@@ -17,7 +17,8 @@ from adaptctl.contest.page import short, tint
 from adaptctl.contest.ranking import ALL, Ranking
 from adaptctl.files import write_text
 from adaptctl.folders import made_folder
-from adaptctl.recording.drawing import COLUMN_WIDTH, INK, MUTED, Drawing, run_style, write_for_paper
+from adaptctl.recording.colors import INK, MUTED
+from adaptctl.recording.drawing import COLUMN_WIDTH, Drawing, run_style, write_for_paper
 from adaptctl.version import __version__
 
 if TYPE_CHECKING:

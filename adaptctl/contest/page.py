@@ -18,7 +18,7 @@ from adaptctl.contest.laws import PD_GRAVITY, TRUE_MODEL
 from adaptctl.contest.ranking import ALL, Ranking
 from adaptctl.files import write_text
 from adaptctl.optional_packages import needed
-from adaptctl.recording.drawing import PAPER, Color
+from adaptctl.recording.colors import PAPER, Color
 from adaptctl.version import __version__
 
 HEADS = (

@@ -17,7 +17,8 @@ from adaptctl.design.study import DesignStudy
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.joint_units import error_unit
 from adaptctl.dynamics.recursion.kinematics import link_poses
-from adaptctl.recording.drawing import BODY, INK, MUTED, Color, run_color, sheet, thinned
+from adaptctl.recording.colors import BODY, INK, MUTED, Color, run_color
+from adaptctl.recording.drawing import sheet, thinned
 from adaptctl.recording.figures import AVERAGING_TIME
 from adaptctl.recording.moving_average import moving_rms
 from adaptctl.recording.page import Report

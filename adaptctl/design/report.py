@@ -18,7 +18,8 @@ from adaptctl.design.study import DesignStudy
 from adaptctl.design.task import DesignTask
 from adaptctl.dynamics.joint_units import error_unit
 from adaptctl.identifiability.reduction import percent_errors
-from adaptctl.recording.drawing import Drawing, run_color, sheet, thinned
+from adaptctl.recording.colors import run_color
+from adaptctl.recording.drawing import Drawing, sheet, thinned
 from adaptctl.recording.figures import MAX_DRAWN_SAMPLES
 from adaptctl.recording.page import SHEU_WALKER, Lines, Report, Section, Table, TableLayout
 from adaptctl.recording.result import Fact, Progress, silent

@@ -22,7 +22,8 @@ from adaptctl.identification.identification import Identification
 from adaptctl.identification.report import best_hypotheses, components, consistency, joint_verdicts, report
 from adaptctl.identification.validation import Validation
 from adaptctl.identification.written import WrittenRobot, write_robots
-from adaptctl.recording.drawing import MUTED, joint_color, run_color, thinned, write_figures
+from adaptctl.recording.colors import MUTED, joint_color, run_color
+from adaptctl.recording.drawing import thinned, write_figures
 from adaptctl.recording.page import Report
 from adaptctl.recording.result import FIGURES
 from adaptctl.recording.wording import parameter_unit, torque_error_unit, torque_units

@@ -12,7 +12,8 @@ from adaptctl.identification.hypotheses import TriedHypothesis
 from adaptctl.identification.identification import Identification
 from adaptctl.identification.validation import Validation
 from adaptctl.identification.written import WrittenRobot
-from adaptctl.recording.drawing import MUTED, Drawing, run_color, sheet, thinned
+from adaptctl.recording.colors import MUTED, run_color
+from adaptctl.recording.drawing import Drawing, sheet, thinned
 from adaptctl.recording.page import (
     SHEU_WALKER,
     Cell,

@@ -8,84 +8,24 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, cast
 
 from adaptctl.files import replacing
+from adaptctl.recording.colors import AXES, GRID, INK, PAPER, TICKS, run_color
 from adaptctl.recording.vector import Sheet
+from adaptctl.recording.vector_marks import CURVE_WIDTH, GRID_WIDTH, TEXT_SIZE, TICK_SIZE, TITLE_SIZE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-class Color(NamedTuple):
-    """Color of red, green and blue, 0 to 255."""
-
-    red: int
-    green: int
-    blue: int
-
-    @property
-    def hex(self) -> str:
-        """Hexadecimal text of the color, such as "#1b6cd6"."""
-        return f"#{self.red:02x}{self.green:02x}{self.blue:02x}"
-
-    def faded(self, share: float, towards: Color) -> Color:
-        """Mixture with another color, of which 1 gives the other."""
-        return Color(*(round(mine + share * (other - mine)) for mine, other in zip(self, towards, strict=True)))
-
-
-# Text and axes on paper.
-INK = Color(28, 34, 48)
-PAPER = Color(255, 255, 255)
-# The background of curves in a recording.
-DARK = Color(13, 13, 13)
-# Colour of what is there for comparison only.
-MUTED = Color(120, 129, 146)
-
-
-def _palette(colors: str) -> tuple[Color, ...]:
-    return tuple(Color(*bytes.fromhex(color)) for color in colors.split())
-
-
-# Colors of controllers: the adaptive one is blue, the same with adaptation off orange, others follow.
-RUN_COLORS = _palette(
-    "1b6cd6 e86e1c 189270 9654be 788192 c83e6e 8c6e32 3ca0be 7ab02a "
-    "d6a414 604ebe ec82b4 147080 b02c24 82aae8 f69c7c 467c3e c46ede"
-)
-
 # Number of runs whose curves are solid.
 NUM_SOLID_CURVES = 5
-
-# Colors of joints, bright enough for a dark screen, dark enough for paper.
-JOINT_COLORS = _palette("2d7deb f08228 28aa6e e14b5f 9b69e1 aa8737 23afc3 d75faf 8296b4 96be3c")
-
-# The desired arm and its positions; paler than any joint's green.
-GOAL = Color(150, 240, 205)
-# Limits of torques.
-LIMIT = Color(205, 208, 214)
-# Force on the arm.
-FORCE = Color(255, 205, 70)
-# True values, where each has a picture of its own.
-TRUTH = INK
-# The arm's links.
-BODY = Color(226, 230, 238)
-# Colour of fixed links.
-BASE = Color(96, 104, 120)
-
-
-def run_color(index: int) -> Color:
-    """Color of a run by its index: blue for the subject, orange without adaptation."""
-    return RUN_COLORS[index % len(RUN_COLORS)]
 
 
 def run_style(index: int) -> dict[str, Any]:
     """Color and line style of a run's curve: dashed from the sixth on, whose colors are alike."""
     return {"color": run_color(index).hex, "linestyle": "-" if index < NUM_SOLID_CURVES else (0, (4, 2))}
-
-
-def joint_color(index: int) -> Color:
-    """Color of a joint by its index."""
-    return JOINT_COLORS[index % len(JOINT_COLORS)]
 
 
 # Width in inches at which the report shows figures.
@@ -97,31 +37,31 @@ DOTS_PER_INCH, PRINT_DOTS_PER_INCH = 160, 300
 
 STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
-    "font.size": 9.0,
+    "font.size": TEXT_SIZE,
     "text.color": INK.hex,
-    "axes.edgecolor": INK.faded(0.65, PAPER).hex,
+    "axes.edgecolor": AXES.hex,
     "axes.labelcolor": INK.hex,
     "axes.titlelocation": "left",
-    "axes.titlesize": 9.5,
+    "axes.titlesize": TITLE_SIZE,
     "axes.titleweight": "bold",
     "axes.titlepad": 8.0,
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
     "axes.axisbelow": True,
-    "grid.color": INK.faded(0.9, PAPER).hex,
-    "grid.linewidth": 0.7,
-    "xtick.color": INK.faded(0.3, PAPER).hex,
-    "ytick.color": INK.faded(0.3, PAPER).hex,
-    "xtick.labelsize": 8.0,
-    "ytick.labelsize": 8.0,
+    "grid.color": GRID.hex,
+    "grid.linewidth": GRID_WIDTH,
+    "xtick.color": TICKS.hex,
+    "ytick.color": TICKS.hex,
+    "xtick.labelsize": TICK_SIZE,
+    "ytick.labelsize": TICK_SIZE,
     "xtick.major.size": 0.0,
     "ytick.major.size": 0.0,
     "ytick.minor.size": 0.0,
-    "lines.linewidth": 1.5,
+    "lines.linewidth": CURVE_WIDTH,
     "lines.solid_capstyle": "round",
     "legend.frameon": False,
-    "legend.fontsize": 8.0,
+    "legend.fontsize": TICK_SIZE,
     "figure.facecolor": PAPER.hex,
     "svg.hashsalt": "adaptctl",
 }

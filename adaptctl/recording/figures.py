@@ -10,25 +10,12 @@ import numpy as np
 
 from adaptctl.arrays import Array
 from adaptctl.identifiability import EssentialSpace
+from adaptctl.recording.colors import INK, LIMIT, MUTED, PAPER, TRUTH, joint_color, run_color
 from adaptctl.recording.comparison import Comparison
 from adaptctl.recording.contact_force import AVERAGING_TIME as CONTACT_AVERAGING
 from adaptctl.recording.contact_force import contact_forces, touched
 from adaptctl.recording.controller_run import FINAL_ERROR_TIME, ControllerRun
-from adaptctl.recording.drawing import (
-    FIGURE_WIDTH,
-    INK,
-    LIMIT,
-    MUTED,
-    PAPER,
-    TRUTH,
-    Drawing,
-    is_narrow,
-    joint_color,
-    run_color,
-    run_style,
-    sheet,
-    thinned,
-)
+from adaptctl.recording.drawing import FIGURE_WIDTH, Drawing, is_narrow, run_style, sheet, thinned
 from adaptctl.recording.wording import number, torque_units
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from adaptctl.arrays import Array
 from adaptctl.dynamics import Mechanism
 from adaptctl.files import replacing
 from adaptctl.recording import views
-from adaptctl.recording.drawing import GOAL, run_color
+from adaptctl.recording.colors import GOAL, run_color
 from adaptctl.recording.live import is_file
 from adaptctl.recording.scene import WORLD, log_arm, log_base, log_trail
 from adaptctl.recording.skeleton import Skeleton, Viewpoint, floor_height, skeleton

@@ -11,9 +11,10 @@ import numpy as np
 
 from adaptctl.description.inertia import PARAMETERS
 from adaptctl.folders import made_folder
+from adaptctl.recording.colors import run_color
 from adaptctl.recording.comparison import Comparison, Finding, Setting
 from adaptctl.recording.controller_run import StepCost
-from adaptctl.recording.drawing import run_color, write_figures
+from adaptctl.recording.drawing import write_figures
 from adaptctl.recording.figures import drawings
 from adaptctl.recording.judgement import (
     facts,

@@ -13,10 +13,11 @@ import rerun.blueprint as rrb
 
 from adaptctl.dynamics.joint_units import position_units
 from adaptctl.recording import views
+from adaptctl.recording.colors import DARK, FORCE, GOAL, LIMIT, MUTED, Color, joint_color, run_color
 from adaptctl.recording.comparison import Comparison
 from adaptctl.recording.contact_force import contact_forces, contact_points, touched
 from adaptctl.recording.controller_run import ControllerRun
-from adaptctl.recording.drawing import DARK, FORCE, GOAL, LIMIT, MUTED, Color, joint_color, run_color, thinned
+from adaptctl.recording.drawing import thinned
 from adaptctl.recording.figures import shares, threshold
 from adaptctl.recording.judgement import (
     facts,

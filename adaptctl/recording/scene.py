@@ -16,7 +16,7 @@ from adaptctl.description.pose import rotation_quaternions
 from adaptctl.description.visual import Box, Cylinder, Mesh, Visual
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.recursion.kinematics import LinkPoses, link_poses
-from adaptctl.recording.drawing import BASE, BODY, Color
+from adaptctl.recording.colors import BASE, BODY, Color
 from adaptctl.recording.skeleton import ROOT_RADIUS, Shape, Skeleton, Solid, tip_path
 from adaptctl.recording.views import TIMELINE
 

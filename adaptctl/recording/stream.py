@@ -20,7 +20,8 @@ from adaptctl.dynamics import Mechanism
 from adaptctl.errors import FileError
 from adaptctl.files import replacing
 from adaptctl.recording import views
-from adaptctl.recording.drawing import Color, joint_color, thinned
+from adaptctl.recording.colors import Color, joint_color
+from adaptctl.recording.drawing import thinned
 from adaptctl.recording.views import TIMELINE
 
 # Largest number of samples of a curve.

@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from adaptctl.arrays import Array
+from adaptctl.recording.colors import AXES, GRID, INK, TICKS
 from adaptctl.recording.vector_marks import (
+    GRID_WIDTH,
     LETTER,
     LINE,
     TEXT_SIZE,
@@ -28,8 +30,8 @@ from adaptctl.recording.vector_marks import (
 POINTS = 72.0
 """Points per inch, the unit of all lengths here."""
 STYLE = (
-    "text{font-family:'DejaVu Sans',sans-serif;fill:#1c2230}.t{fill:#606469}.b{font-weight:bold}"
-    ".g{stroke:#e8e9ea;stroke-width:.7}.a{stroke:#b0b2b7;fill:none;stroke-width:.8}"
+    f"text{{font-family:'DejaVu Sans',sans-serif;fill:{INK.hex}}}.t{{fill:{TICKS.hex}}}.b{{font-weight:bold}}"
+    f".g{{stroke:{GRID.hex};stroke-width:{GRID_WIDTH:g}}}.a{{stroke:{AXES.hex};fill:none;stroke-width:.8}}"
 )
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from adaptctl.arrays import Array
 
 TEXT_SIZE, TICK_SIZE, TITLE_SIZE = 9.0, 8.0, 9.5
+CURVE_WIDTH, GRID_WIDTH = 1.5, 0.7
 LETTER = 0.6
 """Width of a letter over its height, about."""
 LINE = 14.0
@@ -41,7 +42,7 @@ class Mark(NamedTuple):
     @property
     def attributes(self) -> str:
         """SVG attributes of the curve."""
-        width, dash = self.style.get("linewidth", 1.5), self.style.get("linestyle", "-")
+        width, dash = self.style.get("linewidth", CURVE_WIDTH), self.style.get("linestyle", "-")
         dashes = "" if dash == "-" else f' stroke-dasharray="{" ".join(f"{width * x:g}" for x in dash[1])}"'
         return f'fill="none" stroke="{self.style["color"]}" stroke-width="{width:g}" stroke-linejoin="round"{dashes}'
 

@@ -8,7 +8,7 @@ from typing import Any
 import rerun as rr
 import rerun.blueprint as rrb
 
-from adaptctl.recording.drawing import Color
+from adaptctl.recording.colors import Color
 from adaptctl.recording.skeleton import Viewpoint
 
 TIMELINE = "sim_time"

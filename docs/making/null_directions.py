@@ -11,7 +11,7 @@ import numpy as np
 import adaptctl
 from adaptctl.arrays import Array
 from adaptctl.files import write_text
-from adaptctl.recording.drawing import INK, MUTED, PAPER, run_color
+from adaptctl.recording.colors import INK, MUTED, PAPER, run_color
 
 ROBOT = "two_link"
 PERIOD, DURATION, FRAMES, STILL = 1e-3, 6.0, 72, 44

@@ -9,7 +9,8 @@ from matplotlib.figure import Figure
 
 from adaptctl.arrays import Array
 from adaptctl.experiments.replication.arms import Arm
-from adaptctl.recording.drawing import Drawing, run_color, sheet
+from adaptctl.recording.colors import run_color
+from adaptctl.recording.drawing import Drawing, sheet
 
 BANDS = "Line: median of the seeds; bands: from the 5th to the 95th percentile, and all; crosses: printed"
 PANELS = 3

@@ -51,7 +51,7 @@ def told(values: Any) -> str:
 def of_figure(figure: Any) -> list[Any]:
     """Panels of a figure of Matplotlib, and the figure itself."""
     legends = [f"legend {len(one.get_texts())} {one._ncols} {one._loc_real} {legend(one)}" for one in figure.legends]
-    return [told(figure.get_size_inches()), *map(text, figure.texts), *legends, *map(panel, figure.axes)]
+    return [told([*figure.get_size_inches(), figure.dpi]), *map(text, figure.texts), *legends, *map(panel, figure.axes)]
 
 
 def panel(axes: Any) -> dict[str, Any]:

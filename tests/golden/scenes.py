@@ -38,7 +38,7 @@ def scene(path: Path) -> None:
     from adaptctl import load
     from adaptctl.description.pose import Pose
     from adaptctl.description.visual import Box, Visual
-    from adaptctl.recording.drawing import FORCE, GOAL
+    from adaptctl.recording.colors import FORCE, GOAL
     from adaptctl.recording.scene import log_arm, log_arrows, log_base, log_surroundings
     from adaptctl.recording.skeleton import Viewpoint, floor_height, skeleton
 
