@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from rerun.chunk import RrdReader
 
 from adaptctl.errors import FileError
-from adaptctl.recording.drawing import Drawing
+from adaptctl.recording.drawing import UNDATED, Drawing, write_figures, write_for_paper
 from adaptctl.recording.page import (
     Cell,
     Fragment,
@@ -188,6 +188,19 @@ def test_a_report_without_random_numbers_is_recorded_as_of_seed_zero(tmp_path: P
     Report("by-hand", "Title", "Outcome").record(tmp_path / "a.rrd", {})
     (entry,) = RrdReader(tmp_path / "a.rrd").recordings()
     assert entry.recording_id.startswith("by-hand-seed0-")
+
+
+def test_figures_for_papers_are_the_same_whenever_they_are_written(tmp_path: Path) -> None:
+    """Of as many dots per inch as journals ask for, and with texts that are of letters, not of drawings of them."""
+    (tmp_path / "again").mkdir()
+    first, again = (write_for_paper(folder, [Drawing("line", "", line)]) for folder in (tmp_path, tmp_path / "again"))
+    pdf, svg, png = (path.read_bytes() for path in first)
+    assert [pdf, svg, png] == [path.read_bytes() for path in again]
+    assert [path.name for path in first] == ["line.pdf", "line.svg", "line.png"]
+    assert int.from_bytes(png[16:20]) == 2 * 300
+    assert b"/CIDFontType2" in pdf
+    write_figures(tmp_path / "again", [Drawing("other", "", line)])
+    assert {path.name for path in (tmp_path / "again").glob("other.*")} == {f"other.{kind}" for kind in UNDATED}
 
 
 @pytest.mark.parametrize("existing", [False, True])

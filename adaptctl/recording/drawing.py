@@ -86,12 +86,12 @@ class Drawing:
             _SVG_WIDTH.reset(token)
 
 
-_SVG_WIDTH = ContextVar("_SVG_WIDTH", default=0.0)
+_SVG_WIDTH: ContextVar[float | None] = ContextVar("_SVG_WIDTH", default=None)
 
 
 def is_narrow() -> bool:
     """True while a figure for a phone is drawn: panels stand below each other."""
-    return 0.0 < _SVG_WIDTH.get() < FIGURE_WIDTH
+    return (_SVG_WIDTH.get() or FIGURE_WIDTH) < FIGURE_WIDTH
 
 
 def sheet(height: float, layout: Literal["constrained"] | None = "constrained") -> Figure:

@@ -257,7 +257,7 @@ def _error_views(comparison: Comparison, *, legend: bool | None = None) -> list[
 
 def legend_room(names: Sequence[str]) -> float:
     """Fraction of the time shown that a legend of these names needs."""
-    return views.LONG_LEGEND if max(map(len, names), default=0) > MAX_SHORT_NAME else views.SHORT_LEGEND
+    return views.LONG_LEGEND if max(map(len, names)) > MAX_SHORT_NAME else views.SHORT_LEGEND
 
 
 def estimated_links(comparison: Comparison) -> dict[str, str]:
