@@ -99,6 +99,17 @@ def test_torques_and_estimates_are_those_of_the_run(shown: Comparison) -> None:
     np.testing.assert_allclose(height, np.interp(time, run.time, run.estimate[:, largest]), rtol=1e-9)
 
 
+def test_parameters_whose_values_are_unknown_stand_in_the_order_of_their_last_estimates(shown: Comparison) -> None:
+    rollout, order = shown.subject.rollout, np.random.default_rng(0).permutation(len(shown.model.names))
+    estimate = np.zeros_like(rollout.estimate)
+    estimate[-1] = np.where(order % 2, -1.0, 1.0) * order
+    unknown = replace(
+        shown, truth_known=False, runs=(replace(shown.subject, rollout=replace(rollout, estimate=estimate)),)
+    )
+    panels = drawings(unknown)["parameters"].draw().axes[: len(order)]
+    assert [axes.get_title() for axes in panels] == [shown.model.names[i] for i in np.argsort(-order)]
+
+
 def test_the_overview_has_the_estimates_that_move_most() -> None:
     arm = comparison(random_chain(1, 3), samples=100)
     overview = next(one for one in _estimates(arm) if one.path == "estimate/most_learnt/estimate")
@@ -109,6 +120,8 @@ def test_the_overview_has_the_estimates_that_move_most() -> None:
 def test_a_spectrum_tells_how_far_its_rank_is_above_the_rest() -> None:
     space: Any = SimpleNamespace(singular_values=[4.0, 1.0, 2e-3], rank=2)
     told: Any = SimpleNamespace(space=space)
+    whole: Any = SimpleNamespace(space=SimpleNamespace(singular_values=[4.0, 1.0], rank=2))
+    assert len(spectrum(whole).axes[0].texts) == 0
     (axes,) = spectrum(told).axes
     assert axes.texts[0].get_text() == "2 of 3 are above the gap, a ratio of 500"
     assert axes.lines[0].get_ydata()[0] == pytest.approx(0.25 / np.sqrt(500.0))

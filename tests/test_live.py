@@ -73,7 +73,12 @@ def test_samples_are_drawn_as_they_came(
     live_process.main(there.detach(), str(path))
     assert handlers == {signal.SIGINT: signal.SIG_IGN}
     p, desired, torque = np.split(samples[:, 1:], 3, axis=1)
-    for entity, values in (("error", 1e3 * (p - desired)), ("torque", torque), ("position/actual", p)):
+    for entity, values in (
+        ("error", 1e3 * (p - desired)),
+        ("torque", torque),
+        ("position/actual", p),
+        ("position/desired", desired),
+    ):
         np.testing.assert_allclose(rows(path, f"/{entity}", "Scalars:scalars"), values)
     for name, at in (("arm", p), ("desired", desired)):
         places = np.array(rows(path, f"/world/{name}/lower", "Transform3D:translation"))[:, 0]
@@ -145,6 +150,16 @@ def test_environments_that_cannot_be_shown_are_refused(arm: adaptctl.Mechanism) 
 def test_other_computers_are_refused(address: str) -> None:
     with pytest.raises(InputError, match="on this computer"):
         reachable(address, False, False)
+
+
+def test_a_file_has_more_time_to_be_whole_than_a_window_to_close() -> None:
+    times: list[float] = []
+    for url in ("run.rrd", "rerun+http://127.0.0.1:9876/proxy"):
+        live: Any = object.__new__(adaptctl.Live)
+        live.url, live._socket = url, None
+        live._process = SimpleNamespace(wait=lambda *time: times.extend(time), kill=lambda: None)
+        live.close()
+    assert times == [60.0, 10.0]
 
 
 def test_a_viewer_is_looked_for_where_reruns_own_program_listens() -> None:

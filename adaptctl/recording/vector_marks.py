@@ -10,6 +10,7 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from adaptctl.arrays import Array
 
@@ -161,14 +162,20 @@ def drawn(mark: Mark, across: Scale, down: Scale, width: float, height: float) -
 
 
 def _dots(x: Array, y: Array, style: dict[str, Any]) -> str:
-    there = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in zip(x, y, strict=True) if math.isfinite(a + b))
+    known = _known(x, y)
+    there = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in zip(x[known], y[known], strict=True))
     width = 0.6 * style.get("markersize", 6.0)
     return f'<path d="{there}" stroke="{style["color"]}" stroke-width="{width:g}" stroke-linecap="round"/>'
 
 
 def _path(x: Array, y: Array) -> str:
     """SVG path of a curve, interrupted where it is not finite."""
-    breaks = [0, *(np.flatnonzero(np.diff(np.isfinite(x + y))) + 1), len(x)]
-    pieces = [slice(a, b) for a, b in pairwise(breaks) if b > a and math.isfinite(x[a] + y[a])]
+    known = _known(x, y)
+    breaks = [0, *(np.flatnonzero(np.diff(known)) + 1), len(x)]
+    pieces = [slice(a, b) for a, b in pairwise(breaks) if b > a and known[a]]
     points = (zip(x[piece].tolist(), y[piece].tolist(), strict=True) for piece in pieces)
     return "".join("M" + " ".join(f"{a:.1f} {b:.1f}" for a, b in piece) for piece in points)
+
+
+def _known(x: Array, y: Array) -> NDArray[np.bool_]:
+    return np.asarray(np.isfinite((x, y)).all(axis=0))
