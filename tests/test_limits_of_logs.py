@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import re
 import subprocess
-from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -17,7 +15,7 @@ import pytest
 
 from adaptctl.arrays import MAX_SETTING
 from adaptctl.errors import FileError, NotFoundError
-from adaptctl.logs import isolated, lerobot, on_disk, parquet, rerun_recording, ros_bag, text, units
+from adaptctl.logs import isolated, lerobot, on_disk, parquet, rerun_recording, ros_bag, text
 from adaptctl.logs.joint_states_cdr import JointStates
 from adaptctl.logs.table import LogTable, table, validate_size, whole_stamps
 from adaptctl.logs.text import read_delimited
@@ -372,24 +370,6 @@ def test_a_chunk_unpacks_to_a_quarter_of_a_gibibyte_at_most(name: str) -> None:
     assert storage_mcap.DECOMPRESSORS[name](packed, 2**28) == b"content"
     with pytest.raises(ValueError, match="declares 268435457 bytes"):
         storage_mcap.DECOMPRESSORS[name](packed, 2**28 + 1)
-
-
-def test_a_turn_is_360_degrees_and_a_minute_60_seconds() -> None:
-    assert units.POSITION["rev"] == pytest.approx(math.radians(360.0))
-    assert 360.0 * units.POSITION["deg"] == pytest.approx(units.POSITION["rev"])
-    assert 60.0 * units.VELOCITY["rpm"] == pytest.approx(units.POSITION["rev"])
-    assert units.VELOCITY["deg/s"] == units.POSITION["deg"]
-    for factors, *steps in (
-        (units.TIME, "s", "ms", "us", "ns"),
-        (units.POSITION, "m", "mm"),
-        (units.POSITION, "rad", "mrad"),
-        (units.TORQUE, "N m", "mN m"),
-    ):
-        for whole, part in pairwise(steps):
-            assert factors[part] == pytest.approx(1e-3 * factors[whole])
-    assert units.VELOCITY["mm/s"] == units.POSITION["mm"]
-    ones = ((units.TIME, "s"), (units.POSITION, "rad"), (units.POSITION, "m"), (units.VELOCITY, "rad/s"))
-    assert [factors[name] for factors, name in (*ones, (units.TORQUE, "N"), (units.VELOCITY, "m/s"))] == [1.0] * 6
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import gc
 import json
+import math
+import mmap
+from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -13,13 +16,13 @@ import pyarrow as pa
 import pytest
 
 from adaptctl.errors import FileError
-from adaptctl.logs import child, foxglove, isolated, lerobot, on_disk, text_columns
-from adaptctl.logs.arrow import LogColumn, numbers
+from adaptctl.logs import child, foxglove, isolated, lerobot, on_disk, text, text_columns, text_form, units
+from adaptctl.logs.arrow import LogColumn, forget, numbers
 from adaptctl.logs.batches import Batches, UnlikeBeforeError
 from adaptctl.logs.rerun_recording import read_rrd
 from adaptctl.logs.table import LogTable, whole_stamps
 from adaptctl.logs.text import read_delimited
-from adaptctl.logs.text_form import cells
+from adaptctl.logs.text_form import TextForm, cells
 
 NAN = float("nan")
 
@@ -282,3 +285,76 @@ def test_a_joint_of_a_data_set_is_named_by_its_feature_or_number() -> None:
 def test_quotation_marks_among_blanks_are_taken_off_cells() -> None:
     assert cells('"a"   1 ', " ") == ["a", "1"]
     assert cells('"a;b";1', ";") == ["a;b", "1"]
+
+
+def test_a_turn_is_360_degrees_and_a_minute_60_seconds() -> None:
+    assert units.POSITION["rev"] == pytest.approx(math.radians(360.0))
+    assert 360.0 * units.POSITION["deg"] == pytest.approx(units.POSITION["rev"])
+    assert 60.0 * units.VELOCITY["rpm"] == pytest.approx(units.POSITION["rev"])
+    assert units.VELOCITY["deg/s"] == units.POSITION["deg"]
+    for factors, *steps in (
+        (units.TIME, "s", "ms", "us", "ns"),
+        (units.POSITION, "m", "mm"),
+        (units.POSITION, "rad", "mrad"),
+        (units.TORQUE, "N m", "mN m"),
+    ):
+        for whole, part in pairwise(steps):
+            assert factors[part] == pytest.approx(1e-3 * factors[whole])
+    assert units.VELOCITY["mm/s"] == units.POSITION["mm"]
+    ones = ((units.TIME, "s"), (units.POSITION, "rad"), (units.POSITION, "m"), (units.VELOCITY, "rad/s"))
+    assert [factors[name] for factors, name in (*ones, (units.TORQUE, "N"), (units.VELOCITY, "m/s"))] == [1.0] * 6
+
+
+def form_of(path: Path, *lines: str) -> TextForm:
+    path.write_text("\n".join(lines) + "\n")
+    return text_form.form_of(path)
+
+
+def test_a_form_is_told_by_so_many_lines(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    assert [form_of(path, "a;b", *["1;1"] * n, "1,5;1").decimal for n in (4999, 5000)] == [",", "."]
+    assert [text_form._mark(["#"] * n + ["1;2", "1,2,3,4"]) for n in (198, 199)] == [",", ";"]
+    assert form_of(path, *["1,5"] * 150, "x,5").mark == ","  # of cells of both, half a percent counts as none
+    assert form_of(path, "# p", "1", "2").names == ["p"]
+    apart = form_of(path, "t,b", "", "s,rad", "1,2")
+    assert (apart.names, apart.units) == (["s", "rad"], {})
+
+
+def test_a_sample_ends_with_a_whole_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(text_form, "HEAD", 5)
+    assert text_form._lines(b"1,2\n3", "utf-8") == ["1,2"]
+    assert text_form._lines(b"1,2\n", "utf-8") == ["1,2", ""]
+    assert text_form._lines(b"1,234", "utf-8") == ["1,234"]
+
+
+@pytest.mark.parametrize("large", [0, 2**30])
+def test_texts_of_too_many_rows_are_refused(large: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (path := tmp_path / "log.csv").write_text("a,b\n" + "1,2\n" * 4)
+    monkeypatch.setattr(on_disk, "LARGE", large)
+    monkeypatch.setattr(text, "BLOCK", 9)
+    monkeypatch.setattr("adaptctl.logs.table.MAX_ROWS", 4)
+    assert len(read_delimited(path)) == 4
+    monkeypatch.setattr("adaptctl.logs.table.MAX_ROWS", 3)
+    with pytest.raises(FileError, match="has 4 rows, more than the limit of 3"):
+        read_delimited(path)
+
+
+def test_memory_is_given_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    given_back: list[int] = []
+    pool = SimpleNamespace(release_unused=lambda: given_back.append(0))
+    monkeypatch.setattr("pyarrow.default_memory_pool", lambda: pool)
+    (path := tmp_path / "log.csv").write_text("a,b\n1,2\n")
+    read_delimited(path)
+    assert given_back == [0]
+    held: list[Any] = [1]
+    forget(held)
+    assert (held, given_back) == ([], [0, 0])
+    monkeypatch.setattr(on_disk, "_maps", [SimpleNamespace(madvise=given_back.append)])
+    on_disk.release()
+    assert given_back[2:] == [mmap.MADV_DONTNEED]
+
+
+def test_names_that_are_near_are_three_at_most() -> None:
+    log = LogTable("log", {f"joint_{k}": np.zeros(1) for k in range(5)})
+    assert log.near("joint").count(",") == log.near("j").count(",") == 2
+    assert log.near("") == ""

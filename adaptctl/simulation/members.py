@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -95,8 +94,6 @@ def joined_gains(each: Mapping[str, Array]) -> Array:
 
 
 def _require(controller: Controller[Any], each: Mapping[str, Array]) -> None:
-    with suppress(InputError):
-        controller.tuned({name: x.max(axis=0) for name, x in each.items()})
     rows = joined_gains(each)
     for k in np.unique(rows, axis=0, return_index=True)[1].tolist():
         controller.tuned({name: x[k] for name, x in each.items()})
