@@ -52,6 +52,9 @@ ALIKE = {
         "no diagonal of a factor is the tolerance to the last bit"
     ),
     "adaptctl/control/excitation/excitation_trajectory.py::<module> 10 -> 11": "one more reference for comparison",
+    "adaptctl/simulation/references.py::ReferencesOfMany.start 1 -> 2": "a second time, whose point nothing reads",
+    "adaptctl/simulation/effects/effect.py::JointEffect.resistance absolute(x) > MIN_SECANT_SPEED -> "
+    "absolute(x) >= MIN_SECANT_SPEED": "the slope of friction at the slowest speed is that at its negative",
     "adaptctl/logs/joint_states_cdr.py::_Layout.of place - BODY -> place + BODY": "modulo 8, as the body begins at 4",
     "adaptctl/logs/joint_states_cdr.py::_Layout.decoded BODY + 8 -> BODY - 8": "only the first four bytes are read",
     "adaptctl/logs/joint_states_cdr.py::<module> 8 -> 9 (again 1)": "layouts that are forgotten are found again",

@@ -6,6 +6,7 @@ import gc
 import json
 import math
 import mmap
+import re
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,7 +17,7 @@ import pyarrow as pa
 import pytest
 
 from adaptctl.errors import FileError
-from adaptctl.logs import child, foxglove, isolated, lerobot, on_disk, text, text_columns, text_form, units
+from adaptctl.logs import child, foxglove, isolated, lerobot, on_disk, ros_bag, text, text_columns, text_form, units
 from adaptctl.logs.arrow import LogColumn, forget, numbers
 from adaptctl.logs.batches import Batches, UnlikeBeforeError
 from adaptctl.logs.rerun_recording import read_rrd
@@ -154,9 +155,9 @@ def rrd(folder: Path, **timelines: Any) -> Path:
     ("kind", "times", "wanted"), [("duration", [1.5, 2.0, 4.0], [0.0, 0.5, 2.5]), ("sequence", [3, 4, 8], [0, 1, 5])]
 )
 def test_scalars_of_rerun_are_at_their_times_and_empty_elsewhere(
-    kind: str, times: list[float], wanted: list[float], tmp_path: Path
+    kind: str, times: list[float], wanted: list[float], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    log = read_rrd(rrd(tmp_path, time=(kind, times)))
+    log = read_rrd(path := rrd(tmp_path, time=(kind, times)))
     assert list(log.columns) == ["time", "arm.p", "tau[0]", "tau[1]"]
     np.testing.assert_allclose(log.columns["time"], wanted)
     for name, values in (("arm.p", [10.0, 11.0, 12.0]), ("tau[0]", [NAN, 1.0, 3.0]), ("tau[1]", [NAN, 2.0, 4.0])):
@@ -165,6 +166,9 @@ def test_scalars_of_rerun_are_at_their_times_and_empty_elsewhere(
     assert {name: mask.tolist() for name, mask in log.empty.items()} == {
         name: [True, False, False] for name in ("tau[0]", "tau[1]")
     }
+    monkeypatch.setattr("adaptctl.logs.table.MAX_ROWS", 2)
+    with pytest.raises(FileError, match="has 3 rows, more than the limit of 2"):
+        read_rrd(path)
 
 
 @pytest.mark.parametrize(
@@ -314,6 +318,7 @@ def test_a_form_is_told_by_so_many_lines(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     assert [form_of(path, "a;b", *["1;1"] * n, "1,5;1").decimal for n in (4999, 5000)] == [",", "."]
     assert [text_form._mark(["#"] * n + ["1;2", "1,2,3,4"]) for n in (198, 199)] == [",", ";"]
+    assert text_form._mark(["7", "a;1;2"]) == ","  # of all cells, not of three in four
     assert form_of(path, *["1,5"] * 150, "x,5").mark == ","  # of cells of both, half a percent counts as none
     assert form_of(path, "# p", "1", "2").names == ["p"]
     apart = form_of(path, "t,b", "", "s,rad", "1,2")
@@ -352,6 +357,22 @@ def test_memory_is_given_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(on_disk, "_maps", [SimpleNamespace(madvise=given_back.append)])
     on_disk.release()
     assert given_back[2:] == [mmap.MADV_DONTNEED]
+
+
+@pytest.mark.parametrize(("error", "told"), [(ValueError("why\nmore"), "(why)"), (ValueError(), "(ValueError)")])
+def test_why_a_reader_failed_is_told_in_a_line(
+    error: Exception, told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*given: Any, **more: Any) -> None:
+        raise error
+
+    monkeypatch.setattr(ros_bag, "_rosbags", lambda: SimpleNamespace(AnyReader=fails, typestore=None))
+    monkeypatch.setattr(foxglove, "_reader", fails)
+    monkeypatch.setattr("rerun.chunk.RrdReader", fails)
+    (path := tmp_path / "log").touch()
+    for read in (ros_bag.read_ros_bag, foxglove.read_mcap, read_rrd):
+        with pytest.raises(FileError, match=re.escape(told) + "$"):
+            read(path)
 
 
 def test_names_that_are_near_are_three_at_most() -> None:

@@ -274,3 +274,10 @@ def test_the_energy_of_springs_is_theirs_and_that_of_their_motors() -> None:
     theta, w, inertia = ([0.4], [2.0], [5.0])
     motors = Motors(Column(theta), Column(w), Column(inertia))
     assert springs.energy(Column([0.1]), motors) == pytest.approx(0.5 * 5.0 * 2.0**2 + 0.5 * 3.0 * 0.3**2)
+
+
+@pytest.mark.parametrize("given", [{"record_every": 0}, {"threads": 0}, {"threads": 1.0}, {"record_every": True}])
+def test_periods_between_samples_and_threads_are_whole_numbers(given: dict[str, Any]) -> None:
+    reference = Sinusoids(*np.full((3, 2), 0.1))
+    with pytest.raises(InputError, match=f"{next(iter(given))}: expected a whole number"):
+        simulate_many(Plant(PAIR.mechanism, 1e-3), LAW, reference, duration=0.01, **given)

@@ -114,7 +114,7 @@ def _floats(column: Any, first: int | None) -> tuple[Array, int | None]:
 
 def _given(column: Any) -> NDArray[Any]:
     """Values (m,) of a column that are not null; of Arrow's functions, which take long to load, where some are."""
-    return np.asarray((column.drop_null() if column.null_count else column).to_numpy(zero_copy_only=False))
+    return np.asarray((column.drop_null() if column.null_count else column).to_numpy())
 
 
 def _from_first(column: Any, first: int | None) -> tuple[Array, int | None]:
