@@ -7,6 +7,12 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
+
+import pytest
+from cyclopts import App
+
+from adaptctl.cli.main import main
 
 BENCHMARKS = Path(__file__).parent.parent / "benchmarks"
 
@@ -94,7 +100,24 @@ def test_help_needs_no_array() -> None:
         assert not {"numpy", "llvmlite", "msgspec", *HEAVY} & modules, command
 
 
+def test_flags_are_read_once_for_help(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Both for the line on usage and for the panels."""
+    read, commands = App.assemble_argument_collection, list[App]()
+
+    def counted(command: App, **how: Any) -> Any:
+        commands.append(command)
+        return read(command, **how)
+
+    monkeypatch.setattr(App, "assemble_argument_collection", counted)
+    assert main(["identify", "--help"]) == 0
+    assert len(commands) == 1
+    assert App.assemble_argument_collection is counted
+    said = capsys.readouterr().out
+    assert "Usage: adaptctl identify [OPTIONS]" in said
+    assert "--payload-mass" in said
+
+
 def test_base_parameters_need_no_compiler_and_no_second_certificate() -> None:
     imported_after("basis two_link")
     [modules] = imported_after("basis two_link")
-    assert not {"llvmlite", "adaptctl.identifiability.certification", "adaptctl.description.loops", *HEAVY} & modules
+    assert not {"llvmlite", "adaptctl.identifiability.energy_matrix", *SEARCHING, *HEAVY} & modules

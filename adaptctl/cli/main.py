@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from io import TextIOWrapper
 from typing import TextIO
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, ArgumentCollection, CycloptsError, Parameter
 
 from adaptctl.cli.heartbeat import heartbeat
 from adaptctl.cli.memory import collecting_seldom
@@ -107,7 +107,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                     offer_own(given)
                 _validate_command(given)
                 if given[-1:] in (["--help"], ["-h"]):
-                    app.help_print(given[:-1])  # asked as a flag, it would go through all flags once more
+                    with _flags_read_once():
+                        app.help_print(given[:-1])  # asked as a flag, it would go through all flags once more
                     code = DONE
                 else:
                     code = int(app(given) or DONE)
@@ -123,6 +124,21 @@ def main(argv: Sequence[str] | None = None) -> int:
             return _failed(error)
         except KeyboardInterrupt:
             return _complain("interrupted", INTERRUPTED)
+
+
+@contextmanager
+def _flags_read_once() -> Iterator[None]:
+    """Context in which flags read for a command's panels serve its line on usage too, which would read them again."""
+    read, known = App.assemble_argument_collection, dict[int, ArgumentCollection]()
+
+    def once(command: App, **_: object) -> ArgumentCollection:
+        return known.get(id(command)) or known.setdefault(id(command), read(command, parse_docstring=True))
+
+    App.assemble_argument_collection = once  # type: ignore[assignment, method-assign]
+    try:
+        yield
+    finally:
+        App.assemble_argument_collection = read  # type: ignore[method-assign]
 
 
 def _write_any_character() -> None:

@@ -17,7 +17,6 @@ from cyclopts import (
 
 from adaptctl.cli.numbers import told_by_help
 from adaptctl.errors import InputError, suggested_name
-from adaptctl.experiments import EXPERIMENTS
 from adaptctl.renamed import NOW_DEFAULT, new_name
 
 TOO_FEW = re.compile(r"arameter (\S+) requires (\d+) positional arguments\.(?: Only got (\d+)\.)?")
@@ -79,6 +78,8 @@ def _elsewhere(error: CycloptsError) -> str:
     """Message of a command that is another's, or of a robot file in place of one; empty for other errors."""
     if not isinstance(error, UnknownCommandError):
         return ""
+    from adaptctl.experiments import EXPERIMENTS  # here, since only errors need them
+
     (word, *_), chain = error.unused_tokens or ("",), error.command_chain or ()
     if word.endswith(ROBOT_SUFFIXES):
         meant = f"experiment run adaptive --robot {word}" if "experiment" in chain else f"tune {word}"

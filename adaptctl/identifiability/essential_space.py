@@ -157,7 +157,10 @@ class EssentialSpace:
     @cached_property
     def singular_values(self) -> Array:
         """Singular values (P,) of the energy differences, descending, in J per SI unit."""
-        return frozen_array(singular_values(self.triangle), (len(self.parameter_names),), "singular values")
+        of_search = self.energies is None
+        compute = self._singular_values
+        found = kept("singular values", self.search.inputs, list[float], compute) if of_search else compute()
+        return frozen_array(found, (len(self.parameter_names),), "singular values")
 
     @cached_property
     def basis(self) -> Array:
@@ -224,6 +227,9 @@ class EssentialSpace:
         if self.others is not None:
             return self.others(samples)
         return None if self.energies is not None else _other_random_states(self.search, samples)
+
+    def _singular_values(self) -> list[float]:
+        return singular_values(self.triangle).tolist()
 
     @cached_property
     def _bases(self) -> tuple[Array, Array]:
