@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from every_law import PAIR, on
 
+from adaptctl.arrays import Array
 from adaptctl.compilation.routine import MAX_COMPILED_LINKS
 from adaptctl.control import ReferencePoint
 from adaptctl.description import Joint
@@ -17,12 +18,22 @@ from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.dynamics import load
 from adaptctl.errors import InputError, ReferenceWarning
 from adaptctl.identifiability import Constraints, Relation, constrained
+from adaptctl.scalars import Column
 from adaptctl.simulation import LinearlyImplicitEuler, Plant, mujoco_plant
 from adaptctl.simulation.closed_loop import not_compiled
-from adaptctl.simulation.effects import ElasticJoints, Encoder, FilteredDifferences, LuGre, Payload, PayloadHeld
+from adaptctl.simulation.effects import (
+    ElasticJoints,
+    Encoder,
+    FilteredDifferences,
+    JointEffect,
+    LuGre,
+    Payload,
+    PayloadHeld,
+)
 from adaptctl.simulation.effects.sensors import _rounded
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant, contacts_along
 from adaptctl.simulation.reference_limits import _may_be_degrees, _overshoots, warn_of_limits
+from adaptctl.simulation.rollout import KeptSamples
 
 TURN = Joint("turn")
 
@@ -168,3 +179,30 @@ def test_encoders_of_motors_read_these_behind_friction_with_a_state() -> None:
     np.testing.assert_array_equal([*after.measured_p, *after.measured_v], [*theta, *w])
     assert np.all(np.abs(bristles) < 1e-3)
     assert np.all(theta != after.p)
+
+
+class Steady(JointEffect):
+    """The same torque at all speeds."""
+
+    def validate(self, dof: int, links: tuple[str, ...], control_period: float) -> None:
+        pass
+
+    def torque(self, v: Column, held: Column) -> Column:
+        return Column([3.0] * len(v))
+
+    def max_slope(self, dof: int) -> Array:
+        return np.full(dof, np.inf)
+
+
+def test_friction_is_a_slope_through_its_torque_and_at_rest_that_at_a_nanometre_per_second() -> None:
+    speeds = [2.0, 1.5e-9, 0.0]
+    fixed, slopes = Steady().resistance(Column(()), Column(speeds), Column([0.0] * 3), 1e-3)
+    assert list(fixed) == [0.0] * 3
+    assert list(slopes) == pytest.approx([1.5, 2e9, 3e9])
+    assert Steady().moved_state(Column([7.0]), Column([1.0]), 1e-3)[0] == 7.0
+
+
+def test_samples_of_the_longest_time_are_all_kept() -> None:
+    kept = KeptSamples.of(2, 1e300, 1e-3)
+    assert kept.rows(0, 5).tolist() == [0, 1, 2]
+    assert kept.room(5) == 3

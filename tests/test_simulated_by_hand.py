@@ -20,7 +20,7 @@ from adaptctl.errors import InputError, LostSamplesWarning, ReferenceWarning
 from adaptctl.scalars import Column
 from adaptctl.simulation import HandPush, Plant, RunLogger, mujoco_plant, rollout, run_logger, simulate
 from adaptctl.simulation.closed_loop import ClosedLoop, Driven, Episode
-from adaptctl.simulation.effects import ControlDelay, Friction, PayloadHeld
+from adaptctl.simulation.effects import ControlDelay, Encoder, Friction, PayloadHeld
 from adaptctl.simulation.members import Noise, _first_of, checked_seeds
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant
 from adaptctl.simulation.references import Preview, ReferencesOfMany, SignalsAhead
@@ -44,6 +44,8 @@ def test_a_preview_has_each_period_and_what_comes_after_it() -> None:
         wanted = np.concatenate((own.p[0], own.v[0], own.a[0], own.p[1], own.p[2]))
         np.testing.assert_allclose(preview.row(k), wanted)
         np.testing.assert_allclose(preview.rows(np.array([k, 1]))[0], wanted)
+    with pytest.raises(InputError, match="reference: expected it to return ReferencePoint"):
+        Preview(lambda t: t, 2, 0.5, np.zeros(0))  # type: ignore[arg-type, return-value]
 
 
 def test_signals_are_computed_ahead_once_and_never_beyond_the_end() -> None:
@@ -281,3 +283,29 @@ def test_periods_between_samples_and_threads_are_whole_numbers(given: dict[str, 
     reference = Sinusoids(*np.full((3, 2), 0.1))
     with pytest.raises(InputError, match=f"{next(iter(given))}: expected a whole number"):
         simulate_many(Plant(PAIR.mechanism, 1e-3), LAW, reference, duration=0.01, **given)
+
+
+class Interrupted(TrackingEnv):
+    """Ctrl-C is pressed while the second part of a run is judged."""
+
+    def episode(self, **given: Any) -> Episode:
+        whole, begun = super().episode(**given), list[int]()
+
+        def judge(*samples: Any) -> Any:
+            begun.append(1)
+            if len(begun) > 1:
+                raise KeyboardInterrupt
+            return whole.judge(*samples)
+
+        return whole._replace(judge=judge)
+
+
+def test_an_interrupted_run_ends_where_its_last_whole_part_did() -> None:
+    slow = Sinusoids(*np.full((3, 2), 0.1))
+    run, to_there = (
+        simulate(kind(PAIR.mechanism, slow, duration=duration, effects=[Encoder(noise=1e-9)]), LAW, seed=0)
+        for kind, duration in ((Interrupted, 2.5), (TrackingEnv, 2.0))
+    )
+    assert (run.interrupted, len(run.time), run.info["time"]) == (True, 2000, pytest.approx(2.0))
+    for name in ("p", "v"):
+        np.testing.assert_array_equal(run.info[name], to_there.info[name])  # type: ignore[arg-type]
