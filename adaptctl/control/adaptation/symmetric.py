@@ -230,8 +230,10 @@ def _symmetric(m: Interpreter, A: Any, k: int, keep: Any) -> Any:
     for i in m.range(k):
         for j in m.columns(i, k):
             full[i, j] = keep * A[i, j]
-        for j in m.range(i):
-            full[i, j] = full[j, i]
+    for rows in groups(m, k, ROWS_AT_ONCE):  # what they take of a row above lies together
+        for j in m.range(rows[-1]):
+            for i in rows:
+                full[i, j] = full[j, i]
     return full
 
 
