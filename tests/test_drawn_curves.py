@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import rerun as rr
 from comparisons import PERIOD, comparison
 from random_trees import random_chain
 from recordings import rows
@@ -17,11 +18,14 @@ from adaptctl.arrays import Array
 from adaptctl.dynamics import load
 from adaptctl.experiments.over_time import over_time
 from adaptctl.recording import Comparison
+from adaptctl.recording.colors import GOAL
 from adaptctl.recording.contact_force import contact_forces, contact_points
 from adaptctl.recording.drawing import thinned
 from adaptctl.recording.figures import drawings, spectrum
 from adaptctl.recording.motion_recording import record_motion
-from adaptctl.recording.rerun_recording import MAX_OVERVIEW_PARAMETERS, _estimates
+from adaptctl.recording.rerun_recording import MAX_OVERVIEW_PARAMETERS, _estimates, log_scene
+from adaptctl.recording.skeleton import skeleton
+from adaptctl.recording.stream import Curves, log_curves
 from adaptctl.recording.touches import touches
 from adaptctl.simulation.mujoco_plant import TOUCH_FLAGS
 
@@ -108,6 +112,27 @@ def test_parameters_whose_values_are_unknown_stand_in_the_order_of_their_last_es
     )
     panels = drawings(unknown)["parameters"].draw().axes[: len(order)]
     assert [axes.get_title() for axes in panels] == [shown.model.names[i] for i in np.argsort(-order)]
+
+
+def test_curves_of_figures_are_three_thousand_samples_at_most_and_estimates_five_hundred() -> None:
+    for samples, drawn, estimates in ((3000, 3000, 500), (3001, 1501, 429)):
+        long = comparison(load("two_link"), samples)
+        for name in ("tracking-error", "joint-errors", "lyapunov"):
+            assert {len(x) for x, _ in curves(long, name, 0)} == {drawn}
+        assert len(curves(long, "parameters", 0)[-1][0]) == estimates
+
+
+def test_arms_are_recorded_at_two_thousand_times_at_most_and_curves_at_four_thousand(tmp_path: Path) -> None:
+    for name, samples, arms, curve in (("all", 2000, 2000, 4000), ("half", 2001, 1001, 2001)):
+        long, recording = comparison(load("two_link"), samples), rr.RecordingStream(name, make_default=False)
+        recording.save(tmp_path / name)
+        log_scene(recording, long, skeleton(long.mechanism), 0.0, GOAL)
+        time = np.arange(2000.0 + samples)
+        log_curves(recording, [Curves("curve", time, time, ["time"], [GOAL])])
+        recording.disconnect()
+        for run in ("adaptive", "adaptation-off", "desired"):
+            assert len(rows(tmp_path / name, f"/world/{run}/lower", "Transform3D:translation")) == arms
+        assert len(rows(tmp_path / name, "/curve", "Scalars:scalars")) == curve
 
 
 def test_the_overview_has_the_estimates_that_move_most() -> None:

@@ -67,15 +67,38 @@ def test_curves_end_a_twentieth_of_their_range_before_the_axes() -> None:
 def test_a_curve_leaves_its_panel_as_steeply_as_it_is_and_goes_nowhere_far() -> None:
     figure = Sheet(9.2, 3.0)
     axes = figure.subplots()
-    axes.plot(np.array([-0.5, 0.0, 1.0, 1.5]), np.array([3.0, -2.0, 1e9, -1e9]), color="#000000")
+    axes.plot(np.array([-0.5, 0.0, 1.0, 1e3, -1e3]), np.array([3.0, -2.0, 1e9, -1e9, 0.0]), color="#000000")
     axes.set_xlim(0.0, 1.0)
     axes.set_ylim(0.0, 1.0)
     width, height = size(figure.svg())
     found = curve(figure.svg()) / [width, height]
-    np.testing.assert_allclose(found[:, 0], [-0.5, 0.0, 1.0, 1.5], atol=1e-3)
+    np.testing.assert_allclose(found[:3, 0], [-0.5, 0.0, 1.0], atol=1e-3)
     np.testing.assert_allclose(found[:2, 1], [-2.0, 3.0], atol=1e-3)
-    assert -20.0 < found[2, 1] < -5.0
-    assert 5.0 < found[3, 1] < 20.0
+    np.testing.assert_allclose(found[3:, 0], [2.0, -1.0], atol=1e-3)  # as far out as the panel is wide
+    np.testing.assert_allclose(found[2:4, 1], [-9.0, 10.0], atol=1e-3)  # nine times as far as it is high
+
+
+def test_of_panels_that_share_their_axis_the_lowest_alone_names_its_ticks() -> None:
+    figure = Sheet(9.2, 6.0)
+    for axes in figure.subplots(3, 1, sharex=True):
+        axes.plot([0.0, 1.0], [300.0, 700.0], color="#000000")
+    texts = [text.text for text in ElementTree.fromstring(figure.svg()).iter(f"{SVG}text")]
+    assert (texts.count("1"), texts.count("500")) == (1, 3)
+
+
+@pytest.mark.parametrize(("width", "columns"), [(9.2, 4), (3.45, 2), (1.0, 1)])
+def test_a_legend_has_as_many_columns_as_there_is_room_for(width: float, columns: int) -> None:
+    """A line of 18 and a gap before each text, whose letters are 0.6 of their height of 8."""
+    figure = Sheet(width, 3.0)
+    axes = figure.subplots()
+    for k in range(4):
+        axes.plot([0.0, 1.0], [0.0, k], color="#000000", label=f"curve number {k}")
+    figure.legend(ncols=4)
+    texts = [one for one in ElementTree.fromstring(figure.svg()).iter(f"{SVG}text") if "curve" in (one.text or "")]
+    lefts = sorted({float(one.attrib["x"]) for one in texts})
+    assert len(lefts) == columns
+    assert min(np.diff(lefts), default=np.inf) > 0.6 * 8.0 * len("curve number 0")
+    assert len({(one.attrib["x"], one.attrib["y"]) for one in texts}) == 4
 
 
 def test_a_name_below_all_panels_is_in_the_middle() -> None:

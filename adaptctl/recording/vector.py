@@ -152,10 +152,10 @@ class Panel:
         (x0, x1), (y0, y1) = self.ranges()
 
         def across(x: Array) -> Array:
-            return np.clip(width * (x - x0) / ((x1 - x0) or 1.0), -width, 2.0 * width)
+            return np.clip(width * (x - x0) / (x1 - x0), -width, 2.0 * width)
 
         def down(y: Array) -> Array:
-            return np.clip(height * (y1 - self.y.scaled(y)) / ((y1 - y0) or 1.0), -9.0 * height, 10.0 * height)
+            return np.clip(height * (y1 - self.y.scaled(y)) / (y1 - y0), -9.0 * height, 10.0 * height)
 
         given = across, down, width, height
         parts = [f'<g transform="translate({left:.1f} {top:.1f})">', *self._ticks(*given), *self._spans(*given)]
@@ -254,8 +254,7 @@ class Sheet:
 
     def _fitting_columns(self, wide: float) -> int:
         """Columns of the legend, as many as there is room for."""
-        widest = 38.0 + LETTER * TICK_SIZE * max((len(mark.label) for mark in self.marks), default=0)
-        return max(1, min(self.legend_columns, int(wide / widest)))
+        return max(1, min(self.legend_columns, int(wide / _legend_width(self.marks))))
 
     def _legend(self, rows: int, wide: float) -> Iterable[str]:
         left = 6.0
@@ -265,7 +264,7 @@ class Sheet:
                 y = 9.0 + LINE * k
                 yield f'<path d="M{left:.1f} {y - 3.0:.1f}h18" {mark.attributes}/>'
                 yield written(left + 23.0, y, mark.label, TICK_SIZE)
-            left += 38.0 + LETTER * TICK_SIZE * max(len(mark.label) for mark in column)
+            left += _legend_width(column)
 
     def _panels(self, top: float, wide: float, bottom: float) -> Iterable[str]:
         share = (bottom - top) / max(len(self.panels), 1)
@@ -284,3 +283,8 @@ class Sheet:
                     yield panel.svg(left, top + above, width, height)
                 left += width + gap
             top += above + height + below
+
+
+def _legend_width(marks: Iterable[Mark]) -> float:
+    """Width of a column of a legend."""
+    return 38.0 + LETTER * TICK_SIZE * max((len(mark.label) for mark in marks), default=0)
