@@ -32,7 +32,7 @@ from adaptctl.envs.contact import surroundings_of
 from adaptctl.errors import FileError, InputError, LiveViewWarning, MissingExtraError
 from adaptctl.experiments.contest import Contender, contest
 from adaptctl.recording import live_process
-from adaptctl.recording.live import HOST, PORT, reachable, streaming
+from adaptctl.recording.live import CURRENT, HOST, PORT, reachable, streaming
 from adaptctl.recording.live_process import _end, _Rows
 
 
@@ -178,6 +178,7 @@ def test_experiments_stream_while_they_run(arm: adaptctl.Mechanism, tmp_path: Pa
     plain = contest(env, arm, [contender], 0, lambda *_: None)
     with streaming(str(tmp_path / "live.rrd")):
         streamed = contest(env, arm, [contender], 0, lambda *_: None)
+    assert CURRENT.get() is None
     np.testing.assert_allclose(streamed.runs[0].rollout.p, plain.runs[0].rollout.p, atol=1e-12)
     assert len(rows(tmp_path / "live.rrd", "/torque", "Scalars:scalars")) == 20
 

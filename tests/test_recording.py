@@ -34,12 +34,11 @@ from adaptctl.recording import Comparison, stream, views, write_artifacts
 from adaptctl.recording import shown as result_of
 from adaptctl.recording.judgement import facts, final_error, outcome_words
 from adaptctl.recording.report import report
-from adaptctl.recording.rerun_recording import estimated_links, legend_room, summary_markdown
+from adaptctl.recording.rerun_recording import estimated_links, summary_markdown
 from adaptctl.recording.result import answers
 from adaptctl.recording.scene import log_base
 from adaptctl.recording.skeleton import ROOT_RADIUS, TIP_RADIUS, VIEW_SLOPE, Shape, Solid, Viewpoint, skeleton, with_tip
 from adaptctl.recording.trace import quantities
-from adaptctl.recording.views import LONG_LEGEND, SHORT_LEGEND
 from adaptctl.recording.wording import INCOMPLETE, parameter_unit
 
 FILES = {"recording.rrd", "summary.json", "trace.parquet", "report.html"}
@@ -445,15 +444,6 @@ def test_the_tip_is_the_farthest_frame_that_has_a_name() -> None:
     parts = skeleton(Mechanism(replace(arm, frames=tuple(frames))))
     np.testing.assert_allclose(parts.tip, [0.5, 0.0, 0.0])
     assert parts.reach == pytest.approx(1.2)
-
-
-def test_legends_of_long_names_have_more_room() -> None:
-    assert (
-        legend_room(("joint1", "joint2"))
-        == SHORT_LEGEND
-        < legend_room(("joint1", "right_ankle_roll_joint"))
-        == LONG_LEGEND
-    )
 
 
 def test_all_that_moves_is_seen_from_the_viewpoint() -> None:

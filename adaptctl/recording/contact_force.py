@@ -39,4 +39,4 @@ def contact_points(rollout: Rollout) -> Array:
 
 def _columns(rollout: Rollout, names: tuple[str, ...]) -> Array:
     nothing = np.zeros(len(rollout.time))
-    return np.stack([rollout.flags.get(name, nothing) for name in names], axis=-1)
+    return np.column_stack([rollout.flags.get(name, nothing) for name in names])

@@ -49,7 +49,7 @@ class FinishedTrace(NamedTuple):
 
     def columns(self, kind: str) -> Array:
         """Values (T, n) of the columns of a kind."""
-        return np.stack([self.column(f"{kind}.{name}") for name in self.names(kind)], axis=-1)
+        return np.column_stack([self.column(f"{kind}.{name}") for name in self.names(kind)])
 
     def names(self, kind: str) -> list[str]:
         """Names of what a kind has columns of, such as the joints of `error`."""

@@ -91,7 +91,7 @@ def _numbers(trace: FinishedTrace, topic: str, names: list[str]) -> tuple[Mappin
     """Schema and messages of a topic of columns."""
     keys = [_key(name.removeprefix("estimate.")) for name in names]
     properties = {"timestamp": STAMP} | dict.fromkeys(keys, NUMBER)
-    rows = np.stack([trace.column(name) for name in names], axis=-1).tolist()
+    rows = np.column_stack([trace.column(name) for name in names]).tolist()
     schema = {"title": f"adaptctl{topic.replace('/', '.')}", "type": "object", "properties": properties}
     return schema, (dict(zip(keys, row, strict=True)) for row in rows)
 

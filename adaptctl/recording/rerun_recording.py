@@ -134,7 +134,7 @@ def _curves(comparison: Comparison) -> Iterator[Curves]:
             yield Curves(f"{path}/{run.name}", run.rollout.time, in_decades(errors), label, colors, width=2.0)
     yield from torque_shares("torque_share", comparison)
     for j, (name, limit) in enumerate(zip(comparison.joint_names, comparison.torque_limits, strict=True)):
-        both, color = np.stack([rollout.reference_p[:, j], rollout.p[:, j]], axis=-1), joint_color(j)
+        both, color = np.column_stack([rollout.reference_p[:, j], rollout.p[:, j]]), joint_color(j)
         yield Curves(f"position/{entity(name)}", time, both, ("desired", "actual"), (GOAL, color))
         path = f"torque/{entity(name)}"
         yield Curves(f"{path}/applied", time, applied[:, j], (name,), (color,), most=len(time))

@@ -118,8 +118,8 @@ def log_base(
     if not len(feet):
         return
     heights = feet[:, 2] - floor
-    centers = np.stack([feet[:, 0], feet[:, 1], floor + heights / 2.0], axis=-1)
-    plate = np.stack([feet[:, 0], feet[:, 1], np.full(len(feet), floor + 0.1 * radius)], axis=-1)
+    centers = np.column_stack([feet[:, 0], feet[:, 1], floor + heights / 2.0])
+    plate = np.column_stack([feet[:, 0], feet[:, 1], np.full(len(feet), floor + 0.1 * radius)])
     pedestal = rr.Cylinders3D(
         lengths=[*heights, *np.full(len(feet), 0.2 * radius)],
         radii=[*np.full(len(feet), radius), *np.full(len(feet), 2.2 * radius)],
