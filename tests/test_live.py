@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 import warnings
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -31,6 +32,7 @@ from adaptctl.envs import LearningEnv, LiveView, ResidualEnv, TrackingEnv
 from adaptctl.envs.contact import surroundings_of
 from adaptctl.errors import FileError, InputError, LiveViewWarning, MissingExtraError
 from adaptctl.experiments.contest import Contender, contest
+from adaptctl.recording import live as viewing
 from adaptctl.recording import live_process
 from adaptctl.recording.live import CURRENT, HOST, PORT, reachable, streaming
 from adaptctl.recording.live_process import _end, _Rows
@@ -170,6 +172,29 @@ def test_a_viewer_that_answers_is_taken() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
         assert reachable(f"localhost:{port}", False, False) == f"rerun+http://127.0.0.1:{port}/proxy"
+
+
+@pytest.mark.parametrize(("ready", "inline"), [(0.15, False), (9.5, True), (10.5, False)])
+def test_a_viewer_is_started_and_has_ten_seconds_to_answer(
+    ready: float, inline: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In a session of its own, which Ctrl-C of the loop does not reach; without a window it ends with Python."""
+    waited, started, ended = list[float](), list[tuple[Any, Any]](), list[Any]()
+    clock: Any = SimpleNamespace(monotonic=lambda: sum(waited), sleep=waited.append)
+    process: Any = lambda command, **how: started.append((command, how)) or SimpleNamespace(pid=7)  # noqa: E731
+    monkeypatch.setattr(viewing, "time", clock)
+    monkeypatch.setattr(viewing, "viewer_program", lambda: "viewer")
+    monkeypatch.setattr(viewing, "_answers", lambda port: sum(waited) > ready)
+    monkeypatch.setattr(viewing.subprocess, "Popen", process)
+    monkeypatch.setattr(viewing.atexit, "register", lambda *given: ended.append(given))
+    with nullcontext() if ready < 10.0 else pytest.warns(LiveViewWarning, match="no viewer is reachable"):
+        found = reachable("localhost:4321", True, inline)
+    assert found == ("rerun+http://127.0.0.1:4321/proxy" if ready < 10.0 else None)
+    assert sum(waited) == pytest.approx(min(ready, 10.0), abs=0.11)
+    ((command, how),) = started
+    assert command == ["viewer", "--bind", "127.0.0.1", "--port", "4321", *(["--serve-grpc"] if inline else [])]
+    assert how["start_new_session"]
+    assert ended == ([(viewing._end, 7)] if inline else [])
 
 
 def test_experiments_stream_while_they_run(arm: adaptctl.Mechanism, tmp_path: Path) -> None:
