@@ -13,6 +13,7 @@ from adaptctl.experiments.disturbed_arm import LAWS
 from adaptctl.recording import Comparison
 from adaptctl.recording.colors import GOAL, JOINT_COLORS, LIMIT, RUN_COLORS, Color, run_color
 from adaptctl.recording.comparison import color_indices
+from adaptctl.recording.drawing import run_style
 from adaptctl.recording.report import report
 
 
@@ -49,3 +50,8 @@ def test_so_many_controllers_as_are_compared_can_be_told_apart() -> None:
     assert len(RUN_COLORS) >= len(LAWS)
     for palette in (RUN_COLORS, (*JOINT_COLORS, GOAL, LIMIT)):
         assert min(apart(a, b) for a, b in combinations(palette, 2)) > 30.0
+
+
+def test_curves_are_dashed_from_the_sixth_run_on() -> None:
+    assert [run_style(k)["linestyle"] == "-" for k in range(8)] == [True] * 5 + [False] * 3
+    assert [run_style(k)["color"] for k in range(8)] == [run_color(k).hex for k in range(8)]

@@ -353,6 +353,10 @@ def test_a_notebook_has_the_viewer_that_was_reached(url: str | None, monkeypatch
             live.viewer()
     else:
         assert live.viewer(width=300) == (url, {"width": 300})
+        displayed: list[str] = []
+        notebook.Viewer = lambda url: SimpleNamespace(display=lambda: displayed.append(url))
+        live._ipython_display_()
+        assert displayed == [url]
 
 
 def test_a_viewer_that_was_closed_ends_the_process_without_a_traceback() -> None:

@@ -92,6 +92,14 @@ def test_a_folder_without_runs_is_refused(tmp_path: Path, folder: str, says: str
         find_runs(tmp_path / folder)
 
 
+def test_eight_folders_below_the_given_one_are_searched(tmp_path: Path) -> None:
+    (deep := tmp_path.joinpath(*"123456789")).mkdir(parents=True)
+    (deep / "summary.json").write_text("{")
+    assert len(find_runs(tmp_path / "1").broken) == 1
+    with pytest.raises(FileError, match=r"no summary\.json in it or below"):
+        find_runs(tmp_path)
+
+
 def test_a_recording_has_the_summary_s_values_as_properties(tmp_path: Path) -> None:
     compared = comparison(load("two_link"))
     write_recording(tmp_path / "a.rrd", compared)
