@@ -38,8 +38,9 @@ def replacing_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path
     made = not target.parent.exists()
     _validate_place(path, target, overwrite)
     _validate_alone(path, target)
-    beside = _staged(path, target)
+    beside = _beside(target)
     try:
+        _make(path, beside)  # here, so that Ctrl-C just then leaves nothing
         yield beside
         _validate_regular(target / entry.relative_to(beside) for entry in _files(beside))
         _flush_all(beside)
@@ -114,15 +115,17 @@ def _validate_alone(path: str | Path, target: Path) -> None:
             )
 
 
-def _staged(path: str | Path, target: Path) -> Path:
-    """Empty folder beside the target, or within it if immovable."""
+def _beside(target: Path) -> Path:
+    """Path of a folder beside the target, or within it if immovable."""
     fixed = target == Path.cwd() or target.is_mount() or not os.access(target.parent, os.W_OK)
-    beside = name_beside(target / target.name if fixed and target.is_dir() else target)
+    return name_beside(target / target.name if fixed and target.is_dir() else target)
+
+
+def _make(path: str | Path, beside: Path) -> None:
     try:
         beside.mkdir()
     except OSError as error:
         raise FileError(f"{path}: cannot be written ({reason(error)}); choose another folder") from error
-    return beside
 
 
 def _swap(path: str | Path, beside: Path, target: Path, overwrite: bool) -> None:

@@ -73,6 +73,20 @@ def test_a_failed_folder_leaves_the_old_one_and_nothing_else(tmp_path: Path, fai
     assert names(tmp_path) == {"out"}
 
 
+def test_ctrl_c_as_the_temporary_folder_is_made_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    mkdir = Path.mkdir
+
+    def interrupted(path: Path, **above: bool) -> None:
+        mkdir(path, **above)  # type: ignore[arg-type]  # of the folder above
+        if not above:
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(Path, "mkdir", interrupted)
+    with pytest.raises(KeyboardInterrupt), replacing_folder(tmp_path / "out"):
+        pass
+    assert names(tmp_path) == set()
+
+
 def test_a_folder_that_holds_something_is_refused_unless_allowed(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("years of work")
     with pytest.raises(FileError, match=r"not empty; .*--overwrite"):
