@@ -250,7 +250,7 @@ def run_experiment(
             print_json(as_builtins(experiment.name, result, out))
         else:
             print_outcome(result.headline, result.facts, out)
-        sys.stdout.flush()
+        print(end="", flush=True)
     if interruption.asked or not result.complete:
         return INTERRUPTED
     return DONE if result.verdict.passed else FAILED

@@ -38,8 +38,7 @@ UNBOUNDED = 10_000
 
 def print_json(content: Mapping[str, Any]) -> None:
     """Print a mapping of JSON's types on stdout, indented by two characters."""
-    json.dump(content, sys.stdout, indent=2, allow_nan=False)
-    sys.stdout.write("\n")
+    print(json.dumps(content, indent=2, allow_nan=False))
 
 
 def print_note(text: str) -> None:
