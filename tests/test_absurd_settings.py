@@ -78,6 +78,14 @@ def test_junk_is_no_bag(tmp_path: Path, suffix: str, content: bytes) -> None:
         read_log(tmp_path / f"junk{suffix}")
 
 
+@pytest.mark.parametrize("suffix", [".bag", ".mcap", ".db3", ".parquet", ".rrd"])
+def test_empty_logs_and_folders_without_one_are_called_so(tmp_path: Path, suffix: str) -> None:
+    (tmp_path / f"log{suffix}").touch()
+    for path, said in ((tmp_path / f"log{suffix}", "is empty"), (tmp_path, "is a folder without a log; give a file")):
+        with pytest.raises(InputError, match=rf"{path}: {said}"):
+            read_log(path)
+
+
 @pytest.mark.parametrize(
     ("words", "encoding"), [(("gains",), "ascii"), *map(at_night, [(("gains",), "latin-1"), (("tune",), "ascii")])]
 )

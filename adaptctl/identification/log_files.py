@@ -17,6 +17,8 @@ from adaptctl.stages import stage
 TEXT_SUFFIXES = (".csv", ".tsv", ".txt")
 BAG_SUFFIXES = (".mcap", ".bag", ".db3")
 READERS = {".parquet": "parquet:read_parquet", ".rrd": "rerun_recording:read_rrd"}
+# File that makes a folder a bag of ROS 2.
+BAG = "metadata.yaml"
 PACKED, SHEETS = (".gz", ".bz2", ".xz", ".zst", ".zip", ".7z", ".tar", ".tgz"), (".xlsx", ".xls", ".ods")
 # Logs in folders of results.
 RUNS = ("trace.parquet", "run.parquet")
@@ -48,6 +50,10 @@ def _read(path: str | Path, topic: str | None) -> LogTable:
         return read_isolated("lerobot:read_lerobot", path)
     if runs := [str(place / name) for name in RUNS if (place / name).is_file()]:
         raise FileError(f"{path}: is a folder of results; its log is {runs[0]}")
+    if place.is_dir() and not (place / BAG).is_file():
+        raise FileError(f"{path}: is a folder without a log; give a file, or a folder with {BAG} (ROS 2) or {INFO}")
+    if place.is_file() and suffix not in TEXT_SUFFIXES and not place.stat().st_size:
+        raise FileError(f"{path}: is empty; give a log that was written to its end")
     if place.is_dir() or suffix in BAG_SUFFIXES:
         return _read_bag(path, topic)
     if suffix in READERS:
