@@ -16,7 +16,7 @@ from adaptctl.cli.main import main
 from adaptctl.dynamics import load
 from adaptctl.errors import FileError
 from adaptctl.recording.rerun_recording import write_recording
-from adaptctl.recording.run_table import COLUMNS, find_runs
+from adaptctl.recording.run_table import COLUMNS, find_runs, read_summary
 from adaptctl.recording.summary import sealed, summary
 
 SUMMARY = summary(comparison(load("two_link")))
@@ -83,6 +83,16 @@ def test_unknown_columns_are_refused(
 ) -> None:
     assert main(["runs", str(results), *given]) == 2
     assert says in capsys.readouterr().err
+
+
+def test_what_is_no_summary_of_an_experiment_is_told_from_an_old_one(tmp_path: Path) -> None:
+    for schema, says in (
+        ("adaptctl/drive/1", "give results of an exp"),
+        ("adaptctl/summary/3", "run the experiment ag"),
+    ):
+        (tmp_path / "summary.json").write_text(json.dumps({"schema": schema}))
+        with pytest.raises(FileError, match=f"got '{schema}'; {says}"):
+            read_summary(tmp_path / "summary.json")
 
 
 @pytest.mark.parametrize(("folder", "says"), [("none", "no such folder"), ("empty", "no summary.json in it")])

@@ -183,7 +183,9 @@ def read_summary(path: Path) -> Summary:
     written = read_json(path, dict[str, Any], MAX_SUMMARY_BYTES)
     found = typed(path, written, _Schema).schema
     if found != SCHEMA:
-        raise FileError(f"{path}: schema: expected {SCHEMA!r}, got {found!r}; run the experiment again")
+        of_another = not found.startswith(SCHEMA.rpartition("/")[0])
+        way = "give results of an experiment" if of_another else "run the experiment again"
+        raise FileError(f"{path}: schema: expected {SCHEMA!r}, got {found!r}; {way}")
     if written.get(CHECKSUM) != (now := sealed(written)[CHECKSUM]):
         raise FileError(f'{path}: not as it was written; to accept it, write "{CHECKSUM}": "{now}" into it')
     return typed(path, written, Summary)
