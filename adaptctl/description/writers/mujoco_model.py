@@ -74,7 +74,10 @@ def _compiled(description: Description) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
 
 def _validate_plain_joints(description: Description) -> None:
     if description.loops is not None or description.drive_couplings:
-        raise InputError(f"{description.name}: MuJoCo models of loops and coupled drives are not supported")
+        raise InputError(
+            f"{description.name}: MuJoCo models of loops and coupled drives are not supported; the built-in plant "
+            "simulates them"
+        )
     for link in description.links:
         drive = link.joint.drive
         sprung = {DriveParameter.STIFFNESS, DriveParameter.OFFSET} if (drive.stiffness or 0.0) > 0.0 else set()
