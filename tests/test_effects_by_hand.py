@@ -16,7 +16,7 @@ from adaptctl.description import Joint
 from adaptctl.description.drive import Limits
 from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.dynamics import load
-from adaptctl.errors import InputError, ReferenceWarning
+from adaptctl.errors import InputError, NotFoundError, ReferenceWarning
 from adaptctl.identifiability import Constraints, Relation, constrained
 from adaptctl.scalars import Column
 from adaptctl.simulation import LinearlyImplicitEuler, Plant, mujoco_plant
@@ -98,6 +98,9 @@ def test_a_payload_is_held_from_its_start_to_before_its_stop() -> None:
     for start, stop in ((1.0, 1.0), (-np.inf, 2.0), (3.0, 2.0)):
         with pytest.raises(InputError, match="a start before its stop"):
             PayloadHeld(2.0, start=start, stop=stop)
+    PayloadHeld(2.0, link="a").validate(1, ("a", "b"), 1e-3)
+    with pytest.raises(NotFoundError, match="payload: unknown link 'c'; links: a, b"):
+        PayloadHeld(2.0, link="c").validate(1, ("a", "b"), 1e-3)
 
 
 @pytest.mark.parametrize(

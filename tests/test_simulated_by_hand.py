@@ -77,6 +77,7 @@ def test_states_begin_unclipped_at_no_time() -> None:
 
 
 def test_what_prints_names_its_parts() -> None:
+    assert type(Plant(TWO, np.float64(1e-3)).control_period) is float
     effects = [ControlDelay(1), Friction(1.0)]
     assert repr(Plant(TWO, 1e-3)) == "<Plant of 'two_link': period 0.001 s, effects: none>"
     assert "effects: ControlDelay, Friction>" in repr(Plant(TWO, 1e-3, effects=effects))
@@ -278,8 +279,8 @@ def test_the_energy_of_springs_is_theirs_and_that_of_their_motors() -> None:
     assert springs.energy(Column([0.1]), motors) == pytest.approx(0.5 * 5.0 * 2.0**2 + 0.5 * 3.0 * 0.3**2)
 
 
-@pytest.mark.parametrize("given", [{"record_every": 0}, {"threads": 0}, {"threads": 1.0}, {"record_every": True}])
-def test_periods_between_samples_and_threads_are_whole_numbers(given: dict[str, Any]) -> None:
+@pytest.mark.parametrize("given", [{"record_every": 0}, {"threads": 0}, {"threads": 1.0}, {"batch_size": 0}])
+def test_periods_between_samples_threads_and_arms_are_whole_numbers(given: dict[str, Any]) -> None:
     reference = Sinusoids(*np.full((3, 2), 0.1))
     with pytest.raises(InputError, match=f"{next(iter(given))}: expected a whole number"):
         simulate_many(Plant(PAIR.mechanism, 1e-3), LAW, reference, duration=0.01, **given)
