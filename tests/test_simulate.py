@@ -224,8 +224,11 @@ def test_the_environment_takes_no_step_before_it_is_reset() -> None:
 def test_a_passed_bound_ends_the_run_where_the_loop_ends() -> None:
     env = TrackingEnv(arm(SMALL), 3, duration=3.0, error_bound=0.3, effects=[Encoder(noise=1e-4)])
     controller = ComputedTorque(arm(SMALL), 8.0, parameters=np.zeros(30))
-    with pytest.warns(DivergedRunWarning, match=r"the environment ended the run after [\d.]+ s, before its end"):
+    with pytest.warns(
+        DivergedRunWarning, match=r"the environment ended the run after [\d.]+ s, before its end"
+    ) as told:
         run = both(env, controller, seed=0)
+    assert {str(one.message).partition(":")[0] for one in told} == {"rollout", "simulate"}
     assert run.terminated
     assert 0 < len(run.time) < 3000
     assert not run.reached_end

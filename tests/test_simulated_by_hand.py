@@ -17,6 +17,7 @@ from adaptctl.control.safety_filter import SafetyFilter
 from adaptctl.dynamics import load
 from adaptctl.envs import TrackingEnv
 from adaptctl.errors import InputError, LostSamplesWarning, ReferenceWarning
+from adaptctl.identifiability import ReducedModel
 from adaptctl.scalars import Column
 from adaptctl.simulation import HandPush, Plant, RunLogger, mujoco_plant, rollout, run_logger, simulate
 from adaptctl.simulation.closed_loop import ClosedLoop, Driven, Episode
@@ -80,7 +81,8 @@ def test_what_prints_names_its_parts() -> None:
     assert type(Plant(TWO, np.float64(1e-3)).control_period) is float
     effects = [ControlDelay(1), Friction(1.0)]
     assert repr(Plant(TWO, 1e-3)) == "<Plant of 'two_link': period 0.001 s, effects: none>"
-    assert "effects: ControlDelay, Friction>" in repr(Plant(TWO, 1e-3, effects=effects))
+    assert "effects: ControlDelay, Friction>" in repr(plant := Plant(TWO, 1e-3, effects=iter(effects)))
+    assert plant.effects == tuple(effects)
     assert repr(ClosedLoop(Plant(ARM, 1e-3), slotine_li())).endswith("and SlotineLi>")
     episode: Any = (Plant(TWO, 1e-3), None, None, None, None, 7, None)
     assert repr(Episode(*episode)) == "<Episode of 'two_link': 7 control periods>"
@@ -310,3 +312,19 @@ def test_an_interrupted_run_ends_where_its_last_whole_part_did() -> None:
     assert (run.interrupted, len(run.time), run.info["time"]) == (True, 2000, pytest.approx(2.0))
     for name in ("p", "v"):
         np.testing.assert_array_equal(run.info[name], to_there.info[name])  # type: ignore[arg-type]
+
+
+def test_runs_of_many_arms_tell_of_references_beyond_limits() -> None:
+    law, far = on(ReducedModel.full(TWO), None), Sinusoids([3.1, 0.0], [0.1, 0.1], [0.1, 0.1])
+    with pytest.warns(ReferenceWarning, match="reference: shoulder goes to 3.2 rad, beyond -2.967 to 2.967"):
+        simulate_many(Plant(TWO, 1e-3), law, far, duration=5.0, record_every=None)
+
+
+def test_a_scene_begins_anew_with_its_clock() -> None:
+    plant = MuJoCoPlant.of("two_link", 1e-3)
+    state = plant.init(np.zeros(2), np.zeros(2))
+    first = plant.step(plant.step(state, [5.0, 1.0]), [5.0, 1.0])
+    again = plant.init(np.zeros(2), np.zeros(2))
+    np.testing.assert_array_equal(again.drives, state.drives)
+    assert plant._scene._data.time == 0.0
+    np.testing.assert_array_equal(plant.step(plant.step(again, [5.0, 1.0]), [5.0, 1.0]).p, first.p)

@@ -358,7 +358,6 @@ class EpisodeRun(Driven):
         """Energy (J) at the end of all valid periods."""
         self.arms.held["parameters"] = self._parameters(self.end.time)
         self.arms.record_into(self.records, self._first, 1, self.signals)
-        self._return()
         return float(self.recorded.energy[self._first, 0])
 
     def _kept(self) -> dict[str, Array]:
