@@ -154,7 +154,6 @@ ALIKE = {
     "adaptctl/compilation/batch.py::batch 8 -> 9": "as above: a ninth less or more of a size",
     "adaptctl/logs/text.py::<module> 20 -> 21": "a file is the same, read by one MB or by two at a time",
     "adaptctl/recording/compared_folders.py::_common_unit 0 -> 1": "of two units or more that are all the same",
-    "adaptctl/recording/contact_force.py::_columns -1 -> +1": "of two axes the last is the second",
     "adaptctl/files.py::replacing True -> False": "that a file is missing is among the errors that are passed over",
     "adaptctl/recording/skeleton.py::Viewpoint.of 1 -> 2 (again 1)": "NumPy takes -2 for -1 in a shape",
     "adaptctl/recording/skeleton.py::Viewpoint.of 1 -> 2 (again 2)": "NumPy takes -2 for -1 in a shape",
