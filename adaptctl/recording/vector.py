@@ -67,7 +67,7 @@ class Panel:
         """Add a horizontal line."""
         self.marks.append(Mark(np.array([-np.inf, np.inf]), np.array([y, y]), style, "level"))
 
-    def axhspan(self, low: float, high: float, color: str, alpha: float, linewidth: float = 0.0) -> None:
+    def axhspan(self, low: float, high: float, color: str, alpha: float, **_: Any) -> None:
         """Shade a horizontal band."""
         self.spans.append(ShadedSpan(np.array([low]), np.array([high]), [color], alpha))
 
@@ -215,7 +215,7 @@ class Sheet:
     marks: Sequence[Mark] = ()
     legend_columns: int = 1
     name_below: str = ""
-    even: bool = False
+    even: bool = field(init=False)
 
     def subplots(
         self, rows: int = 1, columns: int = 1, *, squeeze: bool = True, sharex: bool = False, **settings: Any
@@ -229,9 +229,7 @@ class Sheet:
         found = np.array(self.panels, dtype=object)
         return found if not squeeze else found[0, 0] if found.size == 1 else found.squeeze()
 
-    def legend(
-        self, handles: Sequence[Mark] = (), labels: Sequence[str] = (), *, loc: str = "", ncols: int = 1
-    ) -> None:
+    def legend(self, handles: Sequence[Mark] = (), labels: Sequence[str] = (), *, loc: str = "", ncols: int) -> None:
         """Show labels above the panels."""
         self.marks = handles or self.panels[0][0].get_legend_handles_labels()[0]
         self.legend_columns = ncols
