@@ -52,6 +52,11 @@ def test_so_many_controllers_as_are_compared_can_be_told_apart() -> None:
         assert min(apart(a, b) for a, b in combinations(palette, 2)) > 30.0
 
 
+def test_a_color_fades_towards_another_by_a_share() -> None:
+    one, other = Color(10, 200, 30), Color(110, 0, 30)
+    assert [one.faded(share, other) for share in (0.0, 0.25, 1.0)] == [one, (35, 150, 30), other]
+
+
 def test_curves_are_dashed_from_the_sixth_run_on() -> None:
     assert [run_style(k)["linestyle"] == "-" for k in range(8)] == [True] * 5 + [False] * 3
     assert [run_style(k)["color"] for k in range(8)] == [run_color(k).hex for k in range(8)]

@@ -175,6 +175,18 @@ def test_forces_of_contacts_are_means_and_points_those_of_the_last_contact(shown
     np.testing.assert_array_equal(points[[200, 250, 299]], point[[199] * 3])
 
 
+def test_forces_of_contacts_are_drawn_by_their_sizes_where_there_are_any(shown: Comparison) -> None:
+    rollout = shown.subject.rollout
+    closed = np.arange(len(rollout.time)) >= 300
+    told = closed[:, None] * [3.0, 0.0, -4.0, 0.0, 0.0, 0.0]
+    run = replace(shown.subject, rollout=replace(rollout, flags=dict(zip(TOUCH_FLAGS, told.T, strict=True))))
+    touching = replace(shown, runs=(run, shown.runs[1]))
+    ((time, size),) = curves(touching, "contact-force", 0)
+    np.testing.assert_array_equal(time, rollout.time)
+    assert np.isnan(size[:300]).all()
+    np.testing.assert_allclose(size[[300, 300 + round(0.05 / PERIOD)]], [5.0 * PERIOD / 0.05, 5.0])
+
+
 def test_touches_are_told_apart_by_a_second_without_one(shown: Comparison) -> None:
     """Where a torque is above its level, twice within 0.02 s and once 2 s later: by the joint farthest above."""
     rollout = shown.subject.rollout

@@ -65,6 +65,15 @@ def test_outcomes_read_well(shown: Comparison) -> None:
     assert math.isfinite(run.final_rms_error or math.nan)
 
 
+def test_a_notebook_shows_both_errors_of_each_run_in_thousandths() -> None:
+    html, time = comparison(load("two_link"))._repr_html_(), PERIOD * np.arange(1500)
+    for fade in (4.0, 0.2):
+        square = (100.0 * np.exp(-fade * time)) ** 2
+        first, last = (f"{np.sqrt(square[part].mean()):.3g}" for part in (time < 1.0, time >= 1.0))
+        assert f"<td>{first}</td><td>{last}</td>" in html
+    assert "–" in comparison(load("two_link"), samples=50)._repr_html_()
+
+
 @pytest.mark.parametrize("samples", [400, 750])
 def test_a_run_too_short_for_two_errors_tells_the_one_of_all_of_it(samples: int) -> None:
     short = comparison(load("two_link"), samples)
