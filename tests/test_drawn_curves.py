@@ -165,14 +165,15 @@ def test_forces_of_contacts_are_means_and_points_those_of_the_last_contact(shown
     """Means of 50 ms, of the contact's three parts; a point stays where the contact opened."""
     rng, count = np.random.default_rng(0), len(shown.subject.rollout.time)
     force, point = rng.normal(size=(count, 3)), rng.normal(size=(count, 3))
-    closed = (np.arange(count) // 100) % 2 == 1
+    closed = np.arange(-1, count - 1) // 100 % 2 == 0  # from the second sample on
     told = np.concatenate([force, point], axis=1) * closed[:, None]
     run = replace(shown.subject.rollout, flags=dict(zip(TOUCH_FLAGS, told.T, strict=True)))
     width = round(0.05 / PERIOD)
-    np.testing.assert_allclose(contact_forces(run)[150], force[151 - width : 151].mean(axis=0))
+    np.testing.assert_allclose(contact_forces(run)[50], force[51 - width : 51].mean(axis=0))
     points = contact_points(run)
-    np.testing.assert_array_equal(points[150], point[150])
-    np.testing.assert_array_equal(points[[200, 250, 299]], point[[199] * 3])
+    np.testing.assert_array_equal(points[0], np.zeros(3))
+    np.testing.assert_array_equal(points[50], point[50])
+    np.testing.assert_array_equal(points[[101, 150, 200]], point[[100] * 3])
 
 
 def test_forces_of_contacts_are_drawn_by_their_sizes_where_there_are_any(shown: Comparison) -> None:

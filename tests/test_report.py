@@ -108,6 +108,13 @@ def test_notes_are_shown_with_the_results(shown: Comparison) -> None:
     assert "no rotors" not in str(sections["Settings"].parts[0])
 
 
+def test_parameters_that_are_kept_are_those_of_the_basis(shown: Comparison) -> None:
+    parts = [part for section in report(shown).sections for part in section.parts]
+    (table,) = (part for part in parts if isinstance(part, Table) and part.header[0] == "kept")
+    kept = {f"{row[0]}.{table.header[k]}" for row in table.rows for k in range(1, len(row)) if row[k]}
+    assert kept == set(shown.basis.names) & set(shown.space.parameter_names)
+
+
 def test_costs_of_a_step_are_told_as_far_as_they_are_known(shown: Comparison) -> None:
     def told(*costs: StepCost | None) -> tuple[tuple[str, ...], list[list[str]]]:
         runs = tuple(replace(run, cost=cost) for run, cost in zip(shown.runs, costs, strict=True))
