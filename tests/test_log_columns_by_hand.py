@@ -379,3 +379,13 @@ def test_names_that_are_near_are_three_at_most() -> None:
     log = LogTable("log", {f"joint_{k}": np.zeros(1) for k in range(5)})
     assert log.near("joint").count(",") == log.near("j").count(",") == 2
     assert log.near("") == ""
+
+
+def test_readers_of_bags_unpack_by_bounds_of_ours(monkeypatch: pytest.MonkeyPatch) -> None:
+    from rosbags.rosbag2 import storage_mcap
+
+    monkeypatch.setattr(storage_mcap, "DECOMPRESSORS", {})
+    ros_bag._rosbags()
+    for unpack in (storage_mcap.DECOMPRESSORS[name] for name in ("zstd", "lz4")):
+        with pytest.raises(ValueError, match="more than the limit"):
+            unpack(b"", ros_bag.MAX_CHUNK + 1)

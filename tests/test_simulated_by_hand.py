@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from importlib import import_module
 from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -328,3 +329,12 @@ def test_a_scene_begins_anew_with_its_clock() -> None:
     np.testing.assert_array_equal(again.drives, state.drives)
     assert plant._scene._data.time == 0.0
     np.testing.assert_array_equal(plant.step(plant.step(again, [5.0, 1.0]), [5.0, 1.0]).p, first.p)
+
+
+def test_a_law_is_compiled_by_a_step_before_the_clock_starts(monkeypatch: pytest.MonkeyPatch) -> None:
+    called, step = list[str](), type(LAW).step
+    monkeypatch.setattr(type(LAW), "step", lambda *given: called.append("step") or step(*given))
+    module = import_module("adaptctl.simulation.rollout")
+    monkeypatch.setattr(module, "perf_counter", lambda: called.append("clock") or 1.0)
+    rollout(TrackingEnv(PAIR.mechanism, Sinusoids(*np.full((3, 2), 0.1)), duration=0.003), LAW, seed=0)
+    assert called == ["step", "clock", "step", "step", "step", "clock"]
