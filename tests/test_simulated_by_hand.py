@@ -332,9 +332,10 @@ def test_a_scene_begins_anew_with_its_clock() -> None:
 
 
 def test_a_law_is_compiled_by_a_step_before_the_clock_starts(monkeypatch: pytest.MonkeyPatch) -> None:
-    called, step = list[str](), type(LAW).step
-    monkeypatch.setattr(type(LAW), "step", lambda *given: called.append("step") or step(*given))
+    called, law = list[str](), on(PAIR, None)
+    step = type(law).step
+    monkeypatch.setattr(type(law), "step", lambda *given: called.append("step") or step(*given))
     module = import_module("adaptctl.simulation.rollout")
     monkeypatch.setattr(module, "perf_counter", lambda: called.append("clock") or 1.0)
-    rollout(TrackingEnv(PAIR.mechanism, Sinusoids(*np.full((3, 2), 0.1)), duration=0.003), LAW, seed=0)
+    rollout(TrackingEnv(PAIR.mechanism, Sinusoids(*np.full((3, 2), 0.1)), duration=0.003), law, seed=0)
     assert called == ["step", "clock", "step", "step", "step", "clock"]
