@@ -357,6 +357,8 @@ def test_memory_is_given_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(on_disk, "_maps", [SimpleNamespace(madvise=given_back.append)])
     on_disk.release()
     assert given_back[2:] == [mmap.MADV_DONTNEED]
+    assert len(list(on_disk.each_column(np.ones((2, 3))))) == 3
+    assert len(given_back) == 6  # after each column
 
 
 @pytest.mark.parametrize(("error", "told"), [(ValueError("why\nmore"), "(why)"), (ValueError(), "(ValueError)")])
