@@ -206,17 +206,19 @@ def test_what_a_process_has_read_comes_back_whole(tmp_path: Path, monkeypatch: p
     begun: list[Any] = []
     monkeypatch.setattr(child, "_bounded", lambda *limits: begun.append(limits))
     monkeypatch.setattr(gc, "disable", lambda: begun.append("quick"))
+    monkeypatch.setattr(child, "release", lambda: begun.append("given back"))
     path, told = tmp_path / "log.csv", [str(2**30), "10.5"]
     path.write_text("t,p,q\n1,,abc\n2,0.5,\n")
     child.main(["text:read_delimited", str(path), str(tmp_path), *told])
-    assert begun == [(2**30, 10.5), "quick"]
+    assert begun == [(2**30, 10.5), "quick", *["given back"] * 3]
     found, own = isolated._table(tmp_path, isolated._head(tmp_path, path, 0, 0)), read_delimited(path)
     for name, values in own.columns.items():
         same(found.columns[name], values.tolist())
     assert {name: mask.tolist() for name, mask in found.empty.items()} == {"p": [True, False], "q": [False, True]}
     assert (found.source, found.units, found.words, found.numbered) == (str(path), own.units, {"q": "abc"}, False)
     monkeypatch.setattr("adaptctl.logs.table.MAX_COLUMNS", 2)
-    child.main(["text:read_delimited", str(path), str(tmp_path), *told])
+    monkeypatch.setattr(child, "import_module", lambda name: SimpleNamespace(read=lambda path: own))
+    child.main(["any:read", str(path), str(tmp_path), *told])
     assert isolated._head(tmp_path, path, 0, 0)["error"] == "FileError"
 
 
