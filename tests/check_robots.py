@@ -39,7 +39,7 @@ import adaptctl
 from adaptctl.hardware import FrankaRobot, motion_about, ready_controller, with_rotors
 robot, arm = FrankaRobot("127.0.0.1", real_time=False), with_rotors(adaptctl.load("fr3.urdf"))
 reference = motion_about(robot.read().p, robot.limits)
-controller = ready_controller(arm, robot.period, reference, robot.tool)
+controller = ready_controller(arm, robot.period, reference, robot.tool, delay=1)
 run = adaptctl.drive(robot, controller, reference, 8.0, "run.parquet", lead_in=1.0)
 print(run.stopped or run.payload.words)
 """
@@ -49,7 +49,7 @@ from adaptctl.hardware import HardwareLimits, TrossenRobot, motion_about, ready_
 robot, fingers = TrossenRobot("127.0.0.1"), ("left_carriage_joint", "right_carriage_joint")
 arm = adaptctl.load("arm.xml", lock=fingers)
 reference = motion_about(robot.read().p, robot.limits.within(HardwareLimits.of(arm)))
-run = adaptctl.drive(robot, ready_controller(arm, robot.period, reference), reference, 12.0, "run.parquet")
+run = adaptctl.drive(robot, ready_controller(arm, robot.period, reference, delay=1), reference, 12.0, "run.parquet")
 print(run.stopped or f"{1e3 * run.final_rms_error.max():.2f} mrad at the worst joint in the last two seconds")
 """
 HOME_POSTURE, AWAY = (0.0, -0.3, 0.0, -1.9, 0.0, 1.7, 0.785), 0.4

@@ -153,7 +153,7 @@ def test_vendors_loops_start_where_the_arm_stands(
 ) -> None:
     arm, module = VendorsArm(two_link, 4e-3, [0.3, 0.5], compensates_gravity=True), example(name)
     law = adaptctl.ComputedTorque(two_link, 8.0)
-    monkeypatch.setattr(module, "ready_controller", lambda *given: law)
+    monkeypatch.setattr(module, "ready_controller", lambda *given, delay: law if delay == 1 else None)
     run = module.track(arm, two_link, 4.0, str(tmp_path / "run.parquet"))
     assert (run.stopped, run.compensates_gravity) == ("", True)
     assert np.abs(run.rollout.error[0]).max() < 1e-9

@@ -79,7 +79,7 @@ def warn_of_delay(controller: Any, robot: Any) -> None:
     if (own := getattr(law, "delay", delay)) != delay:
         warn(
             f"adaptation: it learns as if torques came {own} control periods late, and the robot states {delay}: "
-            f"estimates may ring up; give {type(law).__name__}(..., delay={delay})",
+            f"estimates may ring up; give {type(law).__name__}, or ready_controller, delay={delay}",
             StabilityWarning,
         )
 

@@ -19,7 +19,7 @@ from adaptctl.hardware import HardwareLimits, URRobot, motion_about, ready_contr
 def track(robot: URRobot, arm: adaptctl.Mechanism, duration: float, path: str) -> adaptctl.DrivenRun:
     """Run of an arm that learns while it follows a motion about its posture."""
     reference = motion_about(robot.read().p, robot.limits)
-    controller = ready_controller(arm, robot.period, reference, robot.tool)
+    controller = ready_controller(arm, robot.period, reference, robot.tool, delay=1)
     return adaptctl.drive(robot, controller, reference, duration, path)
 
 
