@@ -155,8 +155,9 @@ ALIKE = {
     "adaptctl/logs/text.py::<module> 20 -> 21": "a file is the same, read by one MB or by two at a time",
     "adaptctl/recording/compared_folders.py::_common_unit 0 -> 1": "of two units or more that are all the same",
     "adaptctl/files.py::replacing True -> False": "that a file is missing is among the errors that are passed over",
-    "adaptctl/recording/skeleton.py::Viewpoint.of 1 -> 2 (again 1)": "NumPy takes -2 for -1 in a shape",
-    "adaptctl/recording/skeleton.py::Viewpoint.of 1 -> 2 (again 2)": "NumPy takes -2 for -1 in a shape",
+    "adaptctl/recording/trace.py::_tables 0 -> 1 (again 1)": "columns are all as long as the second",
+    "adaptctl/recording/finished_trace.py::<module> 1000000 -> 1000001": "no run has one sample more than a million",
+    "adaptctl/recording/vector.py::Sheet 1 -> 2": "no marks are in no rows, of however many columns",
     "adaptctl/recording/live.py::reachable 0.1 -> 0.2": "a viewer that starts is asked less often",
     "adaptctl/hardware/udp_plant.py::begun (ahead := (due - time.perf_counter())) > 0.0 -> "
     "(ahead := (due - time.perf_counter())) >= 0.0": "to wait for no time is not to wait",

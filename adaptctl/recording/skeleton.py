@@ -13,6 +13,7 @@ from adaptctl.description import Link
 from adaptctl.description.reach import MIN_LENGTH, attachments, chain_reach, depths, joint_line, link_end
 from adaptctl.dynamics import Mechanism
 from adaptctl.dynamics.recursion.kinematics import link_poses
+from adaptctl.recording.drawing import thinned
 
 # Radii of the first and the last link as shares of the reach.
 ROOT_RADIUS, TIP_RADIUS = 0.062, 0.026
@@ -115,10 +116,9 @@ class Viewpoint:
     @classmethod
     def of(cls, mechanism: Mechanism, parts: Skeleton, p: Array) -> Viewpoint:
         """Viewpoint from a mechanism's side that sees all of it along positions (T, r)."""
-        poses = link_poses(mechanism, p[:: max(1, -(-len(p) // MAX_POSITIONS))])
-        origins = poses.translations
-        tips = origins[:, parts.tip_link] + poses.rotations[:, parts.tip_link] @ parts.tip
-        center = (origins.reshape(-1, 3).min(axis=0) + origins.reshape(-1, 3).max(axis=0)) / 2.0
+        poses = link_poses(mechanism, p[thinned(len(p), MAX_POSITIONS)])
+        origins, places = poses.translations, np.concatenate(poses.translations)
+        center = (places.min(axis=0) + places.max(axis=0)) / 2.0
         feet = np.array([link.parent_to_joint.translation for link in mechanism.links if link.parent < 0])
         outward = feet[-1] - feet[0] if len(feet) > 1 else origins[:, parts.tip_link].mean(axis=0)
         azimuth = float(np.arctan2(outward[1], outward[0])) - 1.1
@@ -126,7 +126,7 @@ class Viewpoint:
         target = center - np.array([0.0, 0.0, 0.15 * parts.reach])
         apart = float(np.linalg.norm(feet.max(axis=0) - feet.min(axis=0)))
         width = 1.4 * max(parts.reach, apart + 0.5 * parts.reach) * float(np.linalg.norm(away))
-        moved = np.concatenate([origins.reshape(-1, 3), tips]) - target
+        moved = np.concatenate([places, tip_path(parts, *poses)]) - target
         toward = away / np.linalg.norm(away)
         distance = max(width, _distance_to_see(moved, toward))
         return cls(target + distance * toward, target, floor_height(mechanism, parts, p))
@@ -141,6 +141,6 @@ def _distance_to_see(points: Array, toward: Array) -> float:
 
 def floor_height(mechanism: Mechanism, parts: Skeleton, p: Array) -> float:
     """Height (m) of the floor: 0 where the mechanism stays above, else below its lowest link."""
-    heights = link_poses(mechanism, p[:: max(1, -(-len(p) // MAX_POSITIONS))]).translations[..., 2]
+    heights = link_poses(mechanism, p[thinned(len(p), MAX_POSITIONS)]).translations[..., 2]
     lowest = min(float(heights.min()), float(mechanism.links[0].parent_to_joint.translation[2]))
     return 0.0 if lowest > 0.0 else lowest - 0.6 * parts.reach
