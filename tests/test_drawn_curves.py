@@ -21,12 +21,13 @@ from adaptctl.recording import Comparison
 from adaptctl.recording.colors import GOAL
 from adaptctl.recording.contact_force import contact_forces, contact_points
 from adaptctl.recording.drawing import thinned
-from adaptctl.recording.figures import drawings, spectrum
+from adaptctl.recording.figures import _estimate, drawings, spectrum
 from adaptctl.recording.motion_recording import record_motion
 from adaptctl.recording.rerun_recording import MAX_OVERVIEW_PARAMETERS, _estimates, log_scene
 from adaptctl.recording.skeleton import skeleton
 from adaptctl.recording.stream import Curves, log_curves
 from adaptctl.recording.touches import touches
+from adaptctl.recording.vector import Panel
 from adaptctl.simulation.mujoco_plant import TOUCH_FLAGS
 
 
@@ -79,6 +80,7 @@ def test_falls_of_the_lyapunov_function_are_drawn_where_they_end(shown: Comparis
     time = shown.subject.rollout.time
     (falls, rises), (whole, *_) = curves(risen, "lyapunov", 1), curves(risen, "lyapunov", 0)
     np.testing.assert_allclose(whole[1], values)
+    assert drawings(risen)["lyapunov"].draw().axes[0].collections[0].get_linewidth() == 0.0
     steps = np.diff(values)
     np.testing.assert_allclose(falls[0], time[1:])
     np.testing.assert_allclose(falls[1], np.where(steps < 0.0, -steps, np.nan))
@@ -96,11 +98,21 @@ def test_torques_and_estimates_are_those_of_the_run(shown: Comparison) -> None:
         np.testing.assert_allclose(axes.get_ylim(), [-1.25 * limit, 1.25 * limit])
         beyond = [np.add(part.get_y(), [0.0, part.get_height()]) for part in axes.patches]
         np.testing.assert_allclose(beyond, [[limit, 1.25 * limit], [-1.25 * limit, -limit]])
+        assert {part.get_linewidth() for part in axes.patches} == {0.0}
         peak = 100.0 * np.abs(run.applied[:, j]).max() / limit
         assert axes.texts[0].get_text() == f"peak {peak:.0f} %"
     largest = int(np.argmax(np.abs(shown.true_parameters)))
     time, height = curves(shown, "parameters", 0)[-1]
     np.testing.assert_allclose(height, np.interp(time, run.time, run.estimate[:, largest]), rtol=1e-9)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_an_estimate_s_panel_reaches_from_zero_to_the_farthest_value_with_margins(sign: float) -> None:
+    axes: Any = Panel()
+    for values, truth, farthest in (([5.0, 6.0], np.nan, 6.0), ([5.0, 6.0], 7.0, 7.0), ([5.0, 6.0], 2.0, 6.0)):
+        ends = _estimate(axes, np.arange(2.0), sign * np.array(values), sign * truth)
+        np.testing.assert_allclose(sorted(sign * np.array(ends)), [-0.12 * farthest, 1.12 * farthest])
+    assert _estimate(axes, np.arange(2.0), np.zeros(2), 0.0) == (-1.0, 1.0)
 
 
 def test_parameters_whose_values_are_unknown_stand_in_the_order_of_their_last_estimates(shown: Comparison) -> None:

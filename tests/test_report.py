@@ -12,11 +12,11 @@ import pytest
 from comparisons import comparison
 
 from adaptctl.dynamics import load
-from adaptctl.recording import Comparison, Fact, RunRole, Setting, StepCost, write_artifacts
+from adaptctl.recording import Comparison, Fact, Finding, RunRole, Setting, StepCost, write_artifacts
 from adaptctl.recording.colors import INK, PAPER, TICKS
 from adaptctl.recording.judgement import facts, joint_errors, outcome_words
 from adaptctl.recording.page import Note, Table
-from adaptctl.recording.report import _costs, report
+from adaptctl.recording.report import _costs, _measured, report
 from adaptctl.recording.result import answers
 from docs.making.gallery import PAGE, PICTURES, SHOWN, outcome_of, pictures_of
 
@@ -113,6 +113,21 @@ def test_parameters_that_are_kept_are_those_of_the_basis(shown: Comparison) -> N
     (table,) = (part for part in parts if isinstance(part, Table) and part.header[0] == "kept")
     kept = {f"{row[0]}.{table.header[k]}" for row in table.rows for k in range(1, len(row)) if row[k]}
     assert kept == set(shown.basis.names) & set(shown.space.parameter_names)
+
+
+def test_what_runs_were_measured_by_is_told_run_by_run(shown: Comparison) -> None:
+    findings = (
+        Finding("peak_speed.adaptive", 2.5, "rad/s", "Peaks: largest speed"),
+        Finding("peak_speed.adaptation-off", 3.5, "rad/s", "Peaks: largest speed"),
+        Finding("share.adaptation-off", 0.5, "1", "Parts: share of the time"),
+        Finding("share.nobody", 9.0, "1", "of no run"),
+    )
+    table = _measured(replace(shown, findings=findings))
+    assert table is not None
+    assert list(table.header) == ["controller", "peak speed [rad/s]", "share"]
+    assert [tuple(row[1:]) for row in table.rows] == [("2.5", "–"), ("3.5", "0.5")]
+    assert table.note == "peak speed [rad/s]: largest speed. share: share of the time."
+    assert _measured(replace(shown, findings=findings[3:])) is None
 
 
 def test_costs_of_a_step_are_told_as_far_as_they_are_known(shown: Comparison) -> None:

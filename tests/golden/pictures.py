@@ -312,13 +312,15 @@ def compared() -> Any:
 
 
 def recordings() -> Iterator[tuple[str, Callable[[Path], object]]]:
-    """What writes recordings: of a comparison, of a design and of a live view."""
+    """What writes recordings: of a comparison, of a report, of a design and of a live view."""
     from adaptctl.design.picture import record
     from adaptctl.design.report import report
+    from adaptctl.recording.page import Report
     from adaptctl.recording.rerun_recording import write_recording
 
     study, runs = design()
     yield "comparison", lambda path: write_recording(path, compared())
+    yield "report", lambda path: Report("a", "b", "c").record(path, {})
     yield "design", lambda path: record(study, (), report(study), path, {})
     yield "driven design", lambda path: record(study, runs, report(study), path, {})
     yield "live view", live
