@@ -192,6 +192,8 @@ def test_a_lyapunov_function_is_of_the_controllers_own_parameters() -> None:
         lyapunov(law(), run(), arm().with_drives(Drive(0.1)))
     with pytest.raises(InputError, match="run: expected 2 joints, like the controller, got 3"):
         lyapunov(law(), Rollout.from_arrays(*np.zeros((3, 5, 3)), control_period=1e-3), arm())
+    with pytest.raises(InputError, match=r"run: expected a Rollout, as simulate\(...\) gives one, got None"):
+        lyapunov(law(), None, arm())  # type: ignore[arg-type]
 
 
 def test_gains_are_found_under_constraints_too() -> None:
@@ -244,6 +246,8 @@ def test_switches_and_ranges_are_what_they_are() -> None:
         SafetyFilter(law(), 10.0, freeze="no")  # type: ignore[arg-type]
     with pytest.raises(InputError, match=r"adaptation gain: ranges: expected a PriorRanges, as .*, got 3"):
         adaptation_gain(law().model, 3)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"adaptation gain: gains: expected a Gains, as .*, got 3"):
+        adaptation_gain(law().model, gains=3)  # type: ignore[arg-type]
     with pytest.raises(InputError, match=r"reduce: expected an? EssentialSpace, as .*, got <Mechanism"):
         reduce(arm(), arm(), components=2)  # type: ignore[arg-type]
 

@@ -10,7 +10,7 @@ from adaptctl.arrays import Array
 from adaptctl.control.controller import Controller
 from adaptctl.control.slotine_li import SlotineLi
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import InputError, validate_kind
+from adaptctl.errors import InputError, shown, validate_kind
 from adaptctl.scalars import column
 
 SAMPLES = 4000
@@ -100,6 +100,8 @@ def sliding_variable(controller: SlotineLi, run: TrackedRun) -> Array:
     if not has_sliding_variable(controller):
         law = type(controller).__name__
         raise InputError(f"sliding variable: that of {law} needs more than the recorded tracking errors")
+    if not hasattr(run, "reference_v"):
+        raise InputError(f"run: expected a Rollout, as simulate(...) gives one, got {shown(run)}")
     if run.p.shape[1] != controller.dof:
         raise InputError(f"run: expected {controller.dof} joints, like the controller, got {run.p.shape[1]}")
     return run.v - run.reference_v + controller.bandwidth * (run.p - run.reference_p)

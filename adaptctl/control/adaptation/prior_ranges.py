@@ -26,15 +26,7 @@ from adaptctl.control.gains.sampling_ratio import sampling_ratio, stable_below
 from adaptctl.control.gains.workspace import Workspace, workspace_of
 from adaptctl.description.drive import HARMONICS
 from adaptctl.dynamics import Mechanism
-from adaptctl.errors import (
-    GainError,
-    InputError,
-    NotFoundError,
-    TuningWarning,
-    suggested_name,
-    validate_kind,
-    warn,
-)
+from adaptctl.errors import GainError, InputError, NotFoundError, TuningWarning, suggested_name, validate_kind, warn
 from adaptctl.identifiability import ReducedModel
 
 
@@ -356,6 +348,7 @@ def _validate_start(
 
 def _left_by(gains: Gains, arm: Mechanism, control_period: float, workspace: Workspace | None, delay: int) -> float:
     """Distance of the gains' sampling ratio from the limit of stability. Raises `GainError` above it."""
+    validate_kind(gains, Gains, "adaptation gain: gains", "as Gains.from_bandwidth(...) gives them")
     held = sampling_ratio(arm, gains.damping, control_period, gains.bandwidth, workspace=workspace).value
     limit = stable_below(whole_number(delay, "delay in control periods", 0, MAX_DELAY))
     if not held < limit:
