@@ -53,6 +53,9 @@ ALIKE = {
     ),
     "adaptctl/control/excitation/excitation_trajectory.py::<module> 10 -> 11": "one more reference for comparison",
     "adaptctl/simulation/references.py::ReferencesOfMany.start 1 -> 2": "a second time, whose point nothing reads",
+    "adaptctl/simulation/references.py::ReferencesOfMany.of 1 -> 2": "the same reference again, which nothing reads",
+    "adaptctl/simulation/simulate.py::<module> False -> True": "code that is made for one run computes the same",
+    "adaptctl/simulation/summaries.py::summed 0.5 -> 1.0 (again 1)": "joints have whole numbers",
     "adaptctl/simulation/effects/effect.py::JointEffect.resistance absolute(x) > MIN_SECANT_SPEED -> "
     "absolute(x) >= MIN_SECANT_SPEED": "the slope of friction at the slowest speed is that at its negative",
     "adaptctl/logs/joint_states_cdr.py::_Layout.of place - BODY -> place + BODY": "modulo 8, as the body begins at 4",

@@ -24,7 +24,7 @@ from adaptctl.identification.gathering import gathered
 from adaptctl.identification.log_checks import checked_log
 from adaptctl.logs import on_disk, text, text_form
 from adaptctl.logs.arrow import numbers
-from adaptctl.logs.batches import Batches
+from adaptctl.logs.batches import Batches, UnlikeBeforeError
 from adaptctl.logs.parquet import read_parquet
 from adaptctl.logs.table import LogTable, table
 from adaptctl.logs.text import read_delimited
@@ -126,6 +126,14 @@ def test_a_file_that_repeats_its_names_is_read_at_once(tmp_path: Path) -> None:
     found = by_batches(read_delimited, path, "", allowed=True)
     assert_same(found, read_delimited(path))
     assert "repeat" in found.notes[0]
+
+
+def test_a_column_that_turns_out_to_be_texts_is_told_by_its_number() -> None:
+    told = "In CSV column #{}: CSV conversion error to double"
+    assert text._changed(told.format(1), ["a", "b"]) == "b"
+    for other in (told.format(2), "In CSV column #1: another error"):
+        with pytest.raises(UnlikeBeforeError):
+            text._changed(other, ["a", "b"])
 
 
 def test_a_longer_line_in_a_late_batch_is_refused_with_its_number(tmp_path: Path) -> None:
