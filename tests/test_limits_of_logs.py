@@ -340,6 +340,8 @@ def test_a_bag_is_refused_before_it_is_read_to_its_end(monkeypatch: pytest.Monke
     many = JointStates(["a"], np.arange(2), np.arange(2), {field: np.zeros((2, 1)) for field, _ in ros_bag.FIELDS})
     monkeypatch.setattr("adaptctl.logs.table.MAX_ROWS", 3)
     assert len(ros_bag.joint_table("bag", [*states(["a"]), many])) == 3
+    unstamped = many._replace(stamps=np.zeros(2, dtype=np.int64), logged=np.array([5, 7]) * 10**9)
+    assert ros_bag.joint_table("bag", [unstamped]).columns["time"].tolist() == [0.0, 2.0]
     left = iter([many, many, many])
     with pytest.raises(FileError, match="has 4 rows, more than the limit of 3"):
         ros_bag.joint_table("bag", left)

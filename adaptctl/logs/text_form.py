@@ -101,8 +101,9 @@ def _mark(lines: list[str]) -> str:
 def _form(lines: list[str], path: str | Path, encoding: str) -> TextForm:
     mark = _mark(lines)
     first = next((i for i, line in enumerate(lines) if _is_row(line, mark)), None)
-    before = lines if first is None else lines[:first]
-    width = len(cells(lines[first], mark)) if first is not None else 0
+    if first is None:
+        raise FileError(f"{path}: no rows of numbers; expected a line of column names and one line per sample")
+    before, width = lines[:first], len(cells(lines[first], mark))
     if width > MAX_COLUMNS:
         raise FileError(f"{path}: has {width} columns, more than the limit of {MAX_COLUMNS}")
     heads = [(i, _names(line, mark, width)) for i, line in enumerate(before) if line.strip()]
@@ -111,10 +112,6 @@ def _form(lines: list[str], path: str | Path, encoding: str) -> TextForm:
     units: list[str] | None = None
     if len(named) > 1 and named[-1][0] == named[-2][0] + 1 and all(is_unit(_unit(cell)) for cell in named[-1][1]):
         units = [_unit(cell) for cell in named.pop()[1]]
-    if first is None:
-        if not named:
-            raise FileError(f"{path}: no rows of numbers; expected a line of column names and one line per sample")
-        first, width = named[-1][0] + 1, len(named[-1][1])
     if not named and heads and not COMMENT.match(before[heads[-1][0]]):
         line, told = heads[-1][0], len(cells(before[heads[-1][0]], mark))
         raise FileError(
@@ -165,7 +162,7 @@ def _names(line: str, mark: str, width: int) -> list[str]:
         found = found[:-1]
     if len(found) == width - 1:  # rows end with a mark
         found = [*found, ""]
-    return found if width in (0, len(found)) and any(found) else []
+    return found if width == len(found) and any(found) else []
 
 
 def _unit(cell: str) -> str:
