@@ -348,7 +348,7 @@ def test_text_logs_are_read_whatever_separates_them(tmp_path: Path) -> None:
         ("log.csv.gz", "unpack it"),
         ("log.xlsx", "write its sheet "),
     ):
-        (tmp_path / name).write_bytes(b"")
+        (tmp_path / name).write_bytes(b"x")
         with pytest.raises(FileError, match=rf"logs are read from .csv, .*not from \.{name.rpartition('.')[2]}; {way}"):
             read_log(tmp_path / name)
 
