@@ -172,9 +172,13 @@ def _path(x: Array, y: Array) -> str:
     """SVG path of a curve, interrupted where it is not finite."""
     known = _known(x, y)
     breaks = [0, *(np.flatnonzero(np.diff(known)) + 1), len(x)]
-    pieces = [slice(a, b) for a, b in pairwise(breaks) if b > a and known[a]]
-    points = (zip(x[piece].tolist(), y[piece].tolist(), strict=True) for piece in pieces)
-    return "".join("M" + " ".join(f"{a:.1f} {b:.1f}" for a, b in piece) for piece in points)
+    points = np.column_stack((x, y))
+    return "".join(_points(points[a:b]) for a, b in pairwise(breaks) if b > a and known[a])
+
+
+def _points(points: Array) -> str:
+    """SVG of a curve through points (n, 2), formatted at once, which takes two thirds of the time."""
+    return "M" + " ".join(["%.1f %.1f"] * len(points)) % tuple(points.ravel().tolist())
 
 
 def _known(x: Array, y: Array) -> NDArray[np.bool_]:
