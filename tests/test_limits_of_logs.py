@@ -110,6 +110,7 @@ def test_lines_of_another_length_are_counted_up_to_ten_thousand(tmp_path: Path) 
         ("a,b\n1,2\n3\n6,7\n", "line 3 has 1 cells, not 2"),
         ("a,b\n1,2\n3\n6,7\n8\n", "line 3 has 1 cells, not 2"),
         ("a,b\n1,2\n3,4,5\n", "line 3 has 3 cells, not 2"),
+        ("a,b,\n1,2\n3,4\na,b,\n5,6\n", "line 4 has 3 cells, not 2"),
         ("a,b,c\n1,2\n", "line 1 has 3 names, and line 2 2 numbers"),
         ("", "no rows of numbers"),
     ],

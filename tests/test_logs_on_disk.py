@@ -128,6 +128,13 @@ def test_a_file_that_repeats_its_names_is_read_at_once(tmp_path: Path) -> None:
     assert "repeat" in found.notes[0]
 
 
+@pytest.mark.parametrize("content", ["a,a\n1,2\n", "a,b\n1,2\na,b\n3,4\n"])
+def test_names_that_are_given_twice_are_not_read_in_batches(content: str, tmp_path: Path) -> None:
+    (path := tmp_path / "log.csv").write_text(content)
+    with pytest.raises(UnlikeBeforeError):
+        text._kinds(path, text_form.form_of(path))
+
+
 def test_a_column_that_turns_out_to_be_texts_is_told_by_its_number() -> None:
     told = "In CSV column #{}: CSV conversion error to double"
     assert text._changed(told.format(1), ["a", "b"]) == "b"

@@ -258,14 +258,15 @@ def _passed_over(path: str | Path, form: TextForm, odd: list[tuple[int, str]]) -
     comments = [text for _, text in odd if COMMENT.match(text)]
     others = [(count, text) for count, text in odd if not COMMENT.match(text)]
     notes = [f"{len(comments)} lines of comments left out"] if comments else []
-    for count, text in others[:1]:
-        first, *more = text.splitlines()
-        number, last = _place(path, form, first)
-        if len(others) == 1 and count < form.count and last and not more:
-            return [*notes, "the last line, which is cut off, was left out"]
-        why = "opens a quotation mark that is not closed" if more else f"has {count} cells, not {form.count}"
-        raise FileError(f"{path}: not a text table (line {number} {why}: {printable(repr(first[:60]))})")
-    return notes
+    if not others:
+        return notes
+    count, text = others[0]
+    first, *more = text.splitlines()
+    number, last = _place(path, form, first)
+    if len(others) == 1 and count < form.count and last and not more:
+        return [*notes, "the last line, which is cut off, was left out"]
+    why = "opens a quotation mark that is not closed" if more else f"has {count} cells, not {form.count}"
+    raise FileError(f"{path}: not a text table (line {number} {why}: {printable(repr(first[:60]))})")
 
 
 def _place(path: str | Path, form: TextForm, text: str) -> tuple[int | str, bool]:
