@@ -88,24 +88,26 @@ def test_robots_with_other_joints_are_compared_by_the_errors_of_all(folders: Pat
     assert [one.name for one in drawings(read_traces([folders / "a", folders / "c"]))] == ["tracking-error"]
 
 
-def of_joints(count: int) -> Any:
-    """A trace of 1,001 samples, in which all errors are the times."""
+def of_joints(count: int, samples: int = 5) -> Any:
+    """A trace in which all errors are the times."""
+    time = 0.01 * np.arange(samples)
     return SimpleNamespace(
-        time=0.01 * np.arange(1001),
+        time=time,
         folder="a",
         entry=lambda name: "adaptive",
         names=lambda kind: [f"j{k}" for k in range(count)] if kind == "error" else [],
-        column=lambda name: 0.01 * np.arange(1001),
+        column=lambda name: time,
         unit=lambda name: "rad",
     )
 
 
 def test_at_most_sixty_joints_have_panels_and_these_at_most_a_thousand_samples() -> None:
     assert [len(list(drawings([of_joints(count)]))) for count in (2, 60, 61)] == [2, 2, 1]
-    _, each = drawings([of_joints(2)])
-    for axes in each.draw().axes[:2]:
-        np.testing.assert_allclose(axes.lines[0].get_xdata(), 0.02 * np.arange(501))
-        np.testing.assert_allclose(axes.lines[0].get_ydata(), 20.0 * np.arange(501))
+    for samples, every in ((1000, 1), (1001, 2)):
+        _, each = drawings([of_joints(2, samples)])
+        for axes in each.draw().axes[:2]:
+            np.testing.assert_allclose(axes.lines[0].get_xdata(), 0.01 * np.arange(0, samples, every))
+            np.testing.assert_allclose(axes.lines[0].get_ydata(), 10.0 * np.arange(0, samples, every))
 
 
 @pytest.mark.parametrize(

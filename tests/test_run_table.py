@@ -60,6 +60,12 @@ def test_each_controller_has_a_row_with_the_summary_s_values(results: Path) -> N
     ]
 
 
+def test_a_summary_tells_whether_a_run_was_interrupted() -> None:
+    interrupted = summary(comparison(load("two_link"), samples=20, complete=False))
+    for told, complete in ((SUMMARY, True), (interrupted, False)):
+        assert {told["complete"], *(run["complete"] for run in told["runs"].values())} == {complete}
+
+
 def test_the_written_table_is_typed_and_sorts_as_numbers(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["runs", str(results), "--sort", "seed", "--where", "run=adapt*", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)

@@ -149,7 +149,7 @@ Scale = Callable[[Array], Array]
 def drawn(mark: Mark, across: Scale, down: Scale, width: float, height: float) -> str:
     """SVG of a curve, dots or an area."""
     if mark.kind == "level":
-        y = float(down(mark.y)[0])
+        y, _ = down(mark.y)
         return f'<path d="M0 {y:.1f}H{width:.1f}" {mark.attributes}/>'
     places, heights = across(mark.x), down(mark.y)
     if mark.kind == "dots":
