@@ -59,4 +59,6 @@ def test_a_color_fades_towards_another_by_a_share() -> None:
 
 def test_curves_are_dashed_from_the_sixth_run_on() -> None:
     assert [run_style(k)["linestyle"] == "-" for k in range(8)] == [True] * 5 + [False] * 3
+    begin, (dash, gap) = run_style(5)["linestyle"]
+    assert begin == 0 < gap < dash
     assert [run_style(k)["color"] for k in range(8)] == [run_color(k).hex for k in range(8)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,9 @@ import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
 
-from adaptctl.dynamics import load
-from adaptctl.recording.scene import log_arrows, log_base
+from adaptctl.description import Pose
+from adaptctl.dynamics import Mechanism, load
+from adaptctl.recording.scene import _may_have_pedestal, log_arrows, log_base
 from adaptctl.recording.skeleton import skeleton
 
 FLOOR, REACH = -0.5, 1.2
@@ -51,3 +53,15 @@ def test_a_pedestal_is_between_the_floor_and_the_arm_and_has_a_wider_plate(tmp_p
     np.testing.assert_allclose(ends[:, 0], [FLOOR, 0.0], atol=1e-6)
     assert ends[0, 1] == pytest.approx(FLOOR)
     assert lengths[1] < radii[0] < radii[1]
+
+
+@pytest.mark.parametrize("x", [0.0, 3.0])
+@pytest.mark.parametrize(("aside", "below", "hangs"), [(0.1, 0.5, True), (0.3, 0.5, False), (0.1, 0.1, False)])
+def test_only_what_has_nothing_below_its_foot_stands_on_a_pedestal(
+    x: float, aside: float, below: float, hangs: bool
+) -> None:
+    arm, foot = load("two_link").description, [x, x, 1.0]
+    places = (Pose(np.eye(3), foot), Pose(np.eye(3), [aside - 0.7, 0.0, -below]))  # after 0.4 and 0.3 m
+    links = (replace(link, parent_to_joint=at) for link, at in zip(arm.links, places, strict=True))
+    made = Mechanism(replace(arm, links=tuple(links)))
+    assert _may_have_pedestal(made, np.array([foot]), 0.2).tolist() == [not hangs]

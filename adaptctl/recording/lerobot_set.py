@@ -105,8 +105,8 @@ def _columns(trace: FinishedTrace, episode: int, start: int, task: int) -> dict[
 
 def _column(values: Array) -> pa.Array:
     if values.ndim == 1 or values.shape[1] == 1:
-        return pa.array(values.reshape(-1))
-    return pa.FixedSizeListArray.from_arrays(pa.array(values.reshape(-1)), values.shape[1])
+        return pa.array(values.ravel())
+    return pa.FixedSizeListArray.from_arrays(pa.array(values.ravel()), values.shape[1])
 
 
 def _write(path: Path, table: pa.Table) -> None:
