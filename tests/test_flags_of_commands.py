@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import inspect
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,6 +17,7 @@ from adaptctl import codegen, control, hardware, tuning
 from adaptctl.cli import experiment, identify, numbers, output, sweep, tune
 from adaptctl.cli.drive import _driven, connected
 from adaptctl.cli.main import main
+from adaptctl.cli.memory import return_large_blocks
 from adaptctl.codegen import builds
 from adaptctl.control import GainDesign
 from adaptctl.errors import InputError
@@ -293,3 +295,27 @@ def test_a_comma_is_a_point_of_one_number_and_parts_several() -> None:
     assert numbers._instead("1,5", "s", (float, type(None))).endswith("; write 1.5, with a point")
     for kinds in ((float, float), (float, ...)):
         assert numbers._instead("1,5", "s", kinds).endswith("; numbers are separated by blanks: 1 5")
+
+
+class Blocks(ctypes.Structure):
+    """What glibc tells of its memory; the fourth number is that of blocks which are the system's."""
+
+    _fields_ = [(f"part{k}", ctypes.c_size_t) for k in range(10)]
+
+
+def test_large_blocks_are_given_back_and_those_below_four_megabytes_kept() -> None:
+    """By default glibc keeps blocks up to the largest that was freed before."""
+    library = ctypes.CDLL(None)
+    library.mallinfo2.restype, library.malloc.restype = Blocks, ctypes.c_void_p
+    library.free.argtypes = [ctypes.c_void_p]
+    return_large_blocks()
+    library.malloc_trim(0)
+    filling = [library.malloc(2**24) for _ in range(64)]  # of what other tests left free within the heap
+    for size, given in ((2**22 - 64, 0), (2**24, 1), (2**24, 1)):
+        before = library.mallinfo2().part3
+        block = library.malloc(size)
+        assert library.mallinfo2().part3 - before == given
+        library.free(block)
+        assert library.mallinfo2().part3 == before
+    for block in filling:
+        library.free(block)

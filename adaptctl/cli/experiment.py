@@ -16,6 +16,7 @@ from adaptctl.cli.compiling import Announcement
 from adaptctl.cli.heartbeat import heartbeat
 from adaptctl.cli.idle_flags import idle_flags
 from adaptctl.cli.interruption import Interruption, interruptible
+from adaptctl.cli.memory import return_large_blocks
 from adaptctl.cli.numbers import plain_numbers
 from adaptctl.cli.output import Json, WrappedTable, print_json, print_outcome, print_parts
 from adaptctl.cli.settings_file import filled_in
@@ -240,6 +241,7 @@ def run_experiment(
     from adaptctl.optional_packages import validate_for_results
 
     validate_for_results()
+    return_large_blocks()
     with notes_last():
         with interruptible() as interruption, replacing_folder(out, overwrite) as folder:
             result = _computed(experiment, folder, interruption, figures)
