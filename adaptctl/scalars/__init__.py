@@ -1,6 +1,6 @@
 """Scalars of any kind, and vectors of them."""
 
-from adaptctl.scalars.column import ZERO, Column, Mat, Vec, column, cross, dot, each, product, spread
+from adaptctl.scalars.column import Column, column, each, spread
 from adaptctl.scalars.dual import Dual
 from adaptctl.scalars.scalar import (
     Scalar,
@@ -20,6 +20,7 @@ from adaptctl.scalars.scalar import (
     where,
 )
 from adaptctl.scalars.tunable import Keyed, Structure, Tunable
+from adaptctl.scalars.vector import ZERO, Mat, Vec, cross, dot, product
 
 __all__ = [
     "ZERO", "Column", "Dual", "Keyed", "Mat", "Scalar", "Structure", "Tunable", "Vec", "absolute", "angle", "atan2",
