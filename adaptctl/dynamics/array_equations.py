@@ -44,8 +44,8 @@ class OnArrays(Protocol):
         """True if it runs as native code, which it does once it is asked for enough states."""
 
 
-# Vectors, matrices by rows, or matrices (..., m, n) made of arrays at once.
-Equated: TypeAlias = Column | list[Column] | Array
+# A vector, a matrix by rows, or matrices (..., m, n) on arrays.
+EquationResult: TypeAlias = Column | list[Column] | Array
 
 
 class ArrayEquation:
@@ -67,7 +67,7 @@ class ArrayEquation:
     def __init__(
         self,
         name: str,
-        function: Callable[..., Equated],
+        function: Callable[..., EquationResult],
         sizes: Callable[[], Mapping[str, int]],
         links: int,
         *,
@@ -342,7 +342,7 @@ class ArrayEquations:
 
     def of(
         self,
-        function: Callable[..., Equated],
+        function: Callable[..., EquationResult],
         *arguments: str,
         compiled: bool = True,
         sizes: Mapping[str, int] | None = None,
@@ -368,7 +368,7 @@ class ArrayEquations:
         mechanism = self._mechanism
         long = is_long(mechanism.description)
 
-        def rows(q: Column, v: Column, v_r: Column, a_r: Column) -> Equated:
+        def rows(q: Column, v: Column, v_r: Column, a_r: Column) -> EquationResult:
             equations = mechanism.equations
             chosen = range(equations.parameters) if columns is None else columns
             samples = np.broadcast_shapes(*(x[0].shape for x in (q, v, v_r, a_r) if isinstance(x[0], np.ndarray)))
