@@ -11,12 +11,9 @@ from every_law import PAIR, on
 
 from adaptctl.arrays import Array
 from adaptctl.compilation.routine import MAX_COMPILED_LINKS
-from adaptctl.control import ReferencePoint
-from adaptctl.description import Joint
-from adaptctl.description.drive import Limits
 from adaptctl.description.inertia import from_center_of_mass
 from adaptctl.dynamics import load
-from adaptctl.errors import InputError, NotFoundError, ReferenceWarning
+from adaptctl.errors import InputError, NotFoundError
 from adaptctl.identifiability import Constraints, Relation, constrained
 from adaptctl.scalars import Column
 from adaptctl.simulation import LinearlyImplicitEuler, Plant, mujoco_plant
@@ -32,10 +29,7 @@ from adaptctl.simulation.effects import (
 )
 from adaptctl.simulation.effects.sensors import _rounded
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant, contacts_along
-from adaptctl.simulation.reference_limits import _may_be_degrees, _overshoots, warn_of_limits
 from adaptctl.simulation.rollout import KeptSamples
-
-TURN = Joint("turn")
 
 
 def test_an_encoder_counts_to_the_nearest_step() -> None:
@@ -101,41 +95,6 @@ def test_a_payload_is_held_from_its_start_to_before_its_stop() -> None:
     PayloadHeld(2.0, link="a").validate(1, ("a", "b"), 1e-3)
     with pytest.raises(NotFoundError, match="payload: unknown link 'c'; links: a, b"):
         PayloadHeld(2.0, link="c").validate(1, ("a", "b"), 1e-3)
-
-
-@pytest.mark.parametrize(
-    ("limits", "end", "degrees"),
-    [
-        ((-np.pi / 2.0, np.pi / 2.0), 90.0, True),  # at the limit itself
-        ((-np.pi / 2.0, np.pi / 2.0), -90.0, True),
-        ((-100.0, 200.0), -100.0, False),
-        ((-100.0, 200.0), 200.0, False),
-        ((-2.0, 2.0), 2.0 * np.pi, False),
-    ],
-)
-def test_limits_and_a_whole_turn_are_within(limits: tuple[float, float], end: float, degrees: bool) -> None:
-    joint = Joint("turn", limits=Limits(lower=limits[0], upper=limits[1]))
-    assert _may_be_degrees(joint, np.array([0.0, end])) is degrees
-
-
-def test_splines_overshoot_by_a_twentieth_of_their_way_at_most() -> None:
-    for beyond, told in ((0.1 + 0.9e-6, 0), (0.1 + 1.1e-6, 1)):
-        spline: Any = SimpleNamespace(positions=np.array([[1.0], [3.0], [2.0]]), overshoot=np.array([beyond]))
-        assert len(_overshoots(spline, [TURN])) == told
-
-
-def test_each_400th_part_of_a_run_is_looked_at_with_both_ends() -> None:
-    asked: list[Any] = []
-
-    def far(t: Any) -> ReferencePoint:
-        asked.append(np.asarray(t))
-        p = np.full((len(t), 1), 0.1)
-        return ReferencePoint(p, 2.0 * p, p)
-
-    joint = Joint("turn", limits=Limits(velocity=0.19))
-    with pytest.warns(ReferenceWarning, match=r"reference: turn moves at 0.2 rad/s, beyond 0.19$"):
-        warn_of_limits(far, [joint], 8.0)
-    np.testing.assert_allclose(asked[0], 0.02 * np.arange(401))
 
 
 def test_contacts_are_looked_for_over_twenty_seconds(monkeypatch: pytest.MonkeyPatch) -> None:

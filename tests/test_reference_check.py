@@ -1,9 +1,11 @@
-"""References whose derivatives are wrong are told, with the joint; those of the library never are."""
+"""References are told of, with the joint: wrong derivatives, what may be degrees, and what is beyond limits."""
 
 from __future__ import annotations
 
 import inspect
 import warnings
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +19,7 @@ from adaptctl.envs import TrackingEnv
 from adaptctl.errors import ReferenceWarning
 from adaptctl.identifiability import ReducedModel
 from adaptctl.simulation import simulate_many
-from adaptctl.simulation.reference_limits import _may_be_degrees
+from adaptctl.simulation.reference_limits import _may_be_degrees, _overshoots, warn_of_limits
 from adaptctl.simulation.references import DIFFERENCE_STEP, warn_of_derivatives
 
 NAMES = ("shoulder", "elbow")
@@ -129,9 +131,34 @@ def test_fast_sinusoids_and_round_off_are_no_cause() -> None:
         ((-np.inf, np.inf), (6.0 * np.pi, 90.0), False),
         ((-np.inf, np.inf), (18.86, 0.0), True),
         ((-np.inf, np.inf), (-18.86, 0.0), True),
+        ((-np.pi / 2.0, np.pi / 2.0), (0.0, 90.0), True),  # at the limit itself
+        ((-np.pi / 2.0, np.pi / 2.0), (0.0, -90.0), True),
+        ((-100.0, 200.0), (0.0, -100.0), False),
+        ((-100.0, 200.0), (0.0, 200.0), False),
+        ((-2.0, 2.0), (0.0, 2.0 * np.pi), False),
     ],
 )
 def test_angles_that_may_be_degrees(limits: tuple[float, float], way: tuple[float, float], degrees: bool) -> None:
     bounds = Limits(lower=limits[0], upper=limits[1])
     assert _may_be_degrees(Joint("turn", limits=bounds), np.array(way)) is degrees
     assert not _may_be_degrees(Joint("slide", JointKind.PRISMATIC, limits=bounds), np.array(way))
+
+
+def test_splines_overshoot_by_a_twentieth_of_their_way_at_most() -> None:
+    for beyond, told in ((0.1 + 0.9e-6, 0), (0.1 + 1.1e-6, 1)):
+        spline: Any = SimpleNamespace(positions=np.array([[1.0], [3.0], [2.0]]), overshoot=np.array([beyond]))
+        assert len(_overshoots(spline, [Joint("turn")])) == told
+
+
+def test_each_400th_part_of_a_run_is_looked_at_with_both_ends() -> None:
+    asked: list[Any] = []
+
+    def far(t: Any) -> ReferencePoint:
+        asked.append(np.asarray(t))
+        p = np.full((len(t), 1), 0.1)
+        return ReferencePoint(p, 2.0 * p, p)
+
+    joint = Joint("turn", limits=Limits(velocity=0.19))
+    with pytest.warns(ReferenceWarning, match=r"reference: turn moves at 0.2 rad/s, beyond 0.19$"):
+        warn_of_limits(far, [joint], 8.0)
+    np.testing.assert_allclose(asked[0], 0.02 * np.arange(401))
