@@ -27,14 +27,14 @@ from adaptctl.simulation.effects import (
     Payload,
     PayloadHeld,
 )
-from adaptctl.simulation.effects.sensors import _rounded
 from adaptctl.simulation.mujoco_plant import MuJoCoPlant, contacts_along
 from adaptctl.simulation.rollout import KeptSamples
 
 
 def test_an_encoder_counts_to_the_nearest_step() -> None:
-    for x in (0.49, 0.51, -0.51, 3.2, -7.7, 2.0**50 + 1.3, 2.0**51 - 1.0):
-        assert _rounded(x) == round(x)
+    p = Column([0.49, 0.51, -0.51, 3.2, -7.7, 2.0**50 + 1.3, 2.0**51 - 1.0])
+    read, *_ = Encoder(1.0).measure(p, p, Column.zeros(2 * len(p)), Column(()), 1e-3)
+    assert list(read) == [round(x) for x in p]
 
 
 def test_the_finest_step_of_an_encoder_is_a_picometre() -> None:

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import gc
 import json
-import math
 import mmap
 import re
-from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -17,7 +15,7 @@ import pyarrow as pa
 import pytest
 
 from adaptctl.errors import FileError
-from adaptctl.logs import child, foxglove, isolated, lerobot, on_disk, ros_bag, text, text_columns, text_form, units
+from adaptctl.logs import child, foxglove, isolated, lerobot, on_disk, ros_bag, text, text_columns, text_form
 from adaptctl.logs.arrow import LogColumn, forget, numbers
 from adaptctl.logs.batches import Batches, UnlikeBeforeError
 from adaptctl.logs.rerun_recording import read_rrd
@@ -291,24 +289,6 @@ def test_a_joint_of_a_data_set_is_named_by_its_feature_or_number() -> None:
 def test_quotation_marks_among_blanks_are_taken_off_cells() -> None:
     assert cells('"a"   1 ', " ") == ["a", "1"]
     assert cells('"a;b";1', ";") == ["a;b", "1"]
-
-
-def test_a_turn_is_360_degrees_and_a_minute_60_seconds() -> None:
-    assert units.POSITION["rev"] == pytest.approx(math.radians(360.0))
-    assert 360.0 * units.POSITION["deg"] == pytest.approx(units.POSITION["rev"])
-    assert 60.0 * units.VELOCITY["rpm"] == pytest.approx(units.POSITION["rev"])
-    assert units.VELOCITY["deg/s"] == units.POSITION["deg"]
-    for factors, *steps in (
-        (units.TIME, "s", "ms", "us", "ns"),
-        (units.POSITION, "m", "mm"),
-        (units.POSITION, "rad", "mrad"),
-        (units.TORQUE, "N m", "mN m"),
-    ):
-        for whole, part in pairwise(steps):
-            assert factors[part] == pytest.approx(1e-3 * factors[whole])
-    assert units.VELOCITY["mm/s"] == units.POSITION["mm"]
-    ones = ((units.TIME, "s"), (units.POSITION, "rad"), (units.POSITION, "m"), (units.VELOCITY, "rad/s"))
-    assert [factors[name] for factors, name in (*ones, (units.TORQUE, "N"), (units.VELOCITY, "m/s"))] == [1.0] * 6
 
 
 def form_of(path: Path, *lines: str) -> TextForm:

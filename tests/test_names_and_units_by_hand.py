@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -16,6 +18,7 @@ from adaptctl.identification.drives_content import DrivesFile, MotorEntry, Units
 from adaptctl.identification.joined_files import joined
 from adaptctl.identification.unknown_columns import _likely_units, likely_unit, named_unit, validate_numbers
 from adaptctl.logs.table import LogTable
+from adaptctl.logs.units import POSITION, TIME, TORQUE, VELOCITY
 
 TWO = np.array([0.0, 1.0])
 
@@ -298,3 +301,21 @@ def test_units_of_a_quantity_are_one_whatever_their_spelling() -> None:
         with pytest.raises(InputError, match=rf"have different units \({', '.join(units)}\)") as refused:
             _one_of(units, what, "a.csv")
         assert ("or give one for each joint" in str(refused.value)) is more
+
+
+def test_a_turn_is_360_degrees_and_a_minute_60_seconds() -> None:
+    assert POSITION["rev"] == pytest.approx(math.radians(360.0))
+    assert 360.0 * POSITION["deg"] == pytest.approx(POSITION["rev"])
+    assert 60.0 * VELOCITY["rpm"] == pytest.approx(POSITION["rev"])
+    assert VELOCITY["deg/s"] == POSITION["deg"]
+    for factors, *steps in (
+        (TIME, "s", "ms", "us", "ns"),
+        (POSITION, "m", "mm"),
+        (POSITION, "rad", "mrad"),
+        (TORQUE, "N m", "mN m"),
+    ):
+        for whole, part in pairwise(steps):
+            assert factors[part] == pytest.approx(1e-3 * factors[whole])
+    assert VELOCITY["mm/s"] == POSITION["mm"]
+    ones = ((TIME, "s"), (POSITION, "rad"), (POSITION, "m"), (VELOCITY, "rad/s"))
+    assert [factors[name] for factors, name in (*ones, (TORQUE, "N"), (VELOCITY, "m/s"))] == [1.0] * 6
