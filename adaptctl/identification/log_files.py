@@ -37,23 +37,16 @@ def read_log(path: str | Path, topic: str | None = None) -> LogTable:
 
 
 def _read(path: str | Path, topic: str | None) -> LogTable:
-    place = Path(path)
-    suffix = place.suffix.lower()
+    place, suffix = Path(path), Path(path).suffix.lower()
     if not place.exists():
         hint = "; the example brings its robot: give it without --robot" if str(path) == "tx40" else similar(path)
         raise FileError(f"{path}: does not exist{hint}")
-    if not place.is_dir():
-        validate_readable(path)
-    if place.is_file() and place.stat().st_size > MAX_BYTES:
-        raise FileError(f"{path}: larger than the limit of {MAX_BYTES} bytes; split it into several logs")
     if place.is_dir() and (place / INFO).is_file():
         return read_isolated("lerobot:read_lerobot", path)
-    if runs := [str(place / name) for name in RUNS if (place / name).is_file()]:
-        raise FileError(f"{path}: is a folder of results; its log is {runs[0]}")
-    if place.is_dir() and not (place / BAG).is_file():
-        raise FileError(f"{path}: is a folder without a log; give a file, or a folder with {BAG} (ROS 2) or {INFO}")
-    if place.is_file() and suffix not in TEXT_SUFFIXES and not place.stat().st_size:
-        raise FileError(f"{path}: is empty; give a log that was written to its end")
+    if place.is_dir():
+        _validate_folder(path, place)
+    else:
+        _validate_file(path, place)
     if place.is_dir() or suffix in BAG_SUFFIXES:
         return _read_bag(path, topic)
     if suffix in READERS:
@@ -66,6 +59,22 @@ def _read(path: str | Path, topic: str | None) -> LogTable:
         f"{path}: logs are read from {', '.join((*TEXT_SUFFIXES, *READERS, *BAG_SUFFIXES))} and folders of ROS 2 bags "
         f"and LeRobot data sets, not from {suffix or 'a file without suffix'}; {way}"
     )
+
+
+def _validate_folder(path: str | Path, place: Path) -> None:
+    if runs := [str(place / name) for name in RUNS if (place / name).is_file()]:
+        raise FileError(f"{path}: is a folder of results; its log is {runs[0]}")
+    if not (place / BAG).is_file():
+        raise FileError(f"{path}: is a folder without a log; give a file, or a folder with {BAG} (ROS 2) or {INFO}")
+
+
+def _validate_file(path: str | Path, place: Path) -> None:
+    validate_readable(path)
+    size = place.stat().st_size
+    if size > MAX_BYTES:
+        raise FileError(f"{path}: larger than the limit of {MAX_BYTES} bytes; split it into several logs")
+    if not size and place.suffix.lower() not in TEXT_SUFFIXES:
+        raise FileError(f"{path}: is empty; give a log that was written to its end")
 
 
 def _read_bag(path: str | Path, topic: str | None) -> LogTable:
