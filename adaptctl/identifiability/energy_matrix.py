@@ -41,10 +41,10 @@ def energies(mechanism: Mechanism, states: States) -> Array:
 
 
 def energies_of_sets(mechanism: Mechanism, *sets: Iterable[States]) -> list[Iterable[Array]]:
-    """Energy regressors at sets of states, in blocks; those of few states by one call, whose own time is most."""
-    states = [state for each in sets if isinstance(each, list) for state in each]
-    if len(states) < len(sets):
+    """Energy regressors at sets of states, in blocks; where each is a list of one, by one call for all."""
+    if not all(isinstance(each, list) for each in sets):
         return [energy_blocks(mechanism, each) for each in sets]
+    states = [state for (state,) in sets]
     p, v = (np.concatenate([getattr(each, what) for each in states]) for what in "pv")
     together = energies(mechanism, States(p, v, ""))
     return [[rows] for rows in np.split(together, np.cumsum([len(each) for each in states[:-1]]))]
