@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import io
 import os
 import re
 import subprocess
@@ -286,4 +288,16 @@ def test_no_standard_output_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None
 def test_full_disk_behind_standard_output_is_told_in_a_line() -> None:
     for done in printed_at_once_and_at_the_end(f"{LISTED} > /dev/full"):
         assert done.returncode == 1
-        assert done.stderr == "adaptctl: there is no room for the output\n"
+        assert done.stderr == "adaptctl: the output cannot be written (no space left on device)\n"
+
+
+def test_a_terminal_that_is_gone_is_not_called_full(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class Gone(io.StringIO):
+        def write(self, text: str) -> int:
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    monkeypatch.setattr(sys, "stdout", Gone())
+    assert main(["experiment", "list"]) == 1
+    assert "cannot be written (input/output error)" in capsys.readouterr().err

@@ -194,11 +194,8 @@ def test_rows_do_not_depend_on_other_seeds_and_say_what_a_seed_drew(scene: Scene
 @pytest.mark.parametrize(
     ("changed", "kind", "message"),
     [
-        (
-            {"laws": ["mine.py"]},
-            NotFoundError,
-            "unknown law 'mine.py' (its class is missing: FILE.py:CLASS); laws: true",
-        ),
+        ({"laws": ["mine.py"]}, NotFoundError, "law 'mine.py' (its class is missing: FILE.py:CLASS); laws: true"),
+        ({"conditions": ["mine.py"]}, NotFoundError, "unknown condition 'mine.py'; conditions: clean, "),
         ({"laws": ["gradiant"]}, NotFoundError, "unknown law 'gradiant' (did you mean 'gradient'?); laws: true, "),
         ({"conditions": ["windy"]}, NotFoundError, "unknown condition 'windy'; conditions: clean, "),
         ({"laws": ["own.py:gradient", "gradient"]}, InputError, "two are called 'gradient'"),

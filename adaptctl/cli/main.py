@@ -164,7 +164,9 @@ def _failed(error: BaseException) -> int:
     if isinstance(error, OSError) and error.filename is not None:
         code = WRONG_INPUT if error.errno in WRONG_PATHS else FAILED
         return _complain(f"{printable(str(error.filename))}: {(error.strerror or str(error)).lower()}", code)
-    text = "there is no room for the output" if _is_full(error) else str(error) or type(error).__name__
+    text = str(error) or type(error).__name__
+    if isinstance(error, OSError) and _is_full(error):
+        text = f"the output cannot be written ({str(error.strerror).lower()})"
     return _complain("out of memory" if isinstance(error, MemoryError) else text, FAILED)
 
 

@@ -200,9 +200,9 @@ def _repeated(values: Sequence[Any]) -> Any:
 def _validate_known(where: Path | str, what: str, names: Sequence[str], known: Iterator[str] | Any) -> None:
     for name in names:
         if name not in known:
-            hint = (
-                " (its class is missing: FILE.py:CLASS)" if name.endswith(".py") else suggested_name(name, list(known))
-            )
+            hint = suggested_name(name, list(known))
+            if what == "law" and name.endswith(".py"):
+                hint = " (its class is missing: FILE.py:CLASS)"
             raise NotFoundError(f"{where}: unknown {what} {name!r}{hint}; {what}s: {', '.join(known)}")
 
 
