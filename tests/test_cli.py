@@ -123,7 +123,7 @@ DRIVE = ("drive", "mujoco", "two_link", "--robot", "two_link", "--duration", "1"
             "one more of the last: position=a,b",
         ),
         ((*RUN, "--duration", "0"), "duration: expected a number from 0.01 to 300, got 0"),
-        ((*RUN, "--duration", "-3"), "duration: expected a number from 0.01 to 300, got -3"),
+        ((*RUN, "--duration", "-3"), "--duration: expected a number from 0.01 to 300, got -3"),
         ((*RUN, "--duration", "1e9"), "duration: expected a number from 0.01 to 300, got 1e+09"),
         ((*RUN, "--duration", "nan"), "duration: expected a number from 0.01 to 300, got nan"),
         ((*RUN, "--duration", "inf"), "duration: expected a number from 0.01 to 300, got inf"),
@@ -156,6 +156,13 @@ DRIVE = ("drive", "mujoco", "two_link", "--robot", "two_link", "--duration", "1"
         (("basis", "two_link", "--lock", "elbow 0.2"), "no joint 'elbow 0.2'; write elbow=0.2; joints:"),
         (("basis", "two_link", "--lock", "elbow", "0.2"), "expected JOINT=VALUE, got '0.2'; write elbow=0.2"),
         (("tune", "two_link", "--control-period", "100Hz"), "in s, got '100Hz'; write 0.01"),
+        (("tune", "two_link", "--control-period", "1"), "--control-period: expected a positive time in s"),
+        (("tune", "two_link", "--delay", "-1"), "--delay: expected a whole number from 0 to 64"),
+        (("gains", "two_link", "--delay=-1"), "--delay: expected a whole number from 0 to 100"),
+        (("gains", "two_link", "--damping-ratio", "0"), "--damping-ratio: expected positive numbers"),
+        (("basis", "two_link", "--gravity", "nan", "0", "0"), "--gravity: x, y, z in m/s^2: expected finite"),
+        (("basis", "two_link", "--gravity", "1e20", "0", "0"), "two_link: --gravity: expected at most 1e+09"),
+        (("contest", "--out", "a"), "FILE is missing: TOML file"),
         (("help",), "Did you mean adaptctl --help?"),
         (("version",), "Did you mean adaptctl --version?"),
         (("experiment", "run", "--list"), "Did you mean adaptctl experiment list?"),
@@ -174,7 +181,7 @@ DRIVE = ("drive", "mujoco", "two_link", "--robot", "two_link", "--duration", "1"
             "gone/trace.parquet: does not exist; give a results folder",
         ),
         (("basis", "two_link", "--lock", "elbow=0,2"), "got '0,2'; write elbow=0.2, with a point"),
-        ((*RUN, "--gain-scale", "-1"), "gain_scale: expected a number from 1e-06 to 1000, got -1"),
+        ((*RUN, "--gain-scale", "-1"), "--gain-scale: expected a number from 1e-06 to 1000, got -1"),
     ],
 )
 def test_wrong_command_lines_are_refused_in_a_line(
@@ -210,7 +217,7 @@ def test_arm_with_other_joints_is_sent_to_the_right_experiment(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     line = refused(capsys, *RUN, "--out", str(tmp_path / "out"), "--robot", "puma560_arm3")
-    assert line == "robot: puma560_arm3 has 3 joints, but this experiment needs 6; use the experiment 'adaptive'"
+    assert line == "--robot: puma560_arm3 has 3 joints, but this experiment needs 6; use the experiment 'adaptive'"
 
 
 @pytest.mark.parametrize(

@@ -109,7 +109,7 @@ def test_model_reduction(capsys: pytest.CaptureFixture[str]) -> None:
     assert list(content) == [*KEYS, "reduction"]
     reduction = content["reduction"]
     assert reduction["percent_error"] <= 5 < reduction["percent_errors"][reduction["components"] - 1]
-    assert "energy_error: expected a finite number of at least 0" in refused(
+    assert "--energy-error: expected a finite number of at least 0" in refused(
         capsys, "puma560_measured", "--energy-error", "-1"
     )
 

@@ -349,7 +349,7 @@ def _wrong() -> dict[str, tuple[object, str]]:
         "outside": (lambda: within[0].validate((9.0, 0.0, 0.0)), "is outside the bounds"),
         "bounds": (lambda: MountingBounds("link2", np.ones(3), np.zeros(3), 1.0), "expected lower <= upper"),
         "heavy": (lambda: MountingBounds("link2", np.zeros(3), np.ones(3), -1.0), "expected a mass of at least 0 kg"),
-        "share": (lambda: MountingBounds.for_link(arm, "link2", -0.2), "expected ratios of at least 0"),
+        "share": (lambda: MountingBounds.for_link(arm, "link2", -0.2), "expected a ratio of at least 0"),
         "places": (lambda: MountingBounds.for_link(arm, "hand"), "no link 'hand'"),
         "none": (lambda: bounds(arm, []), "expected one or more different links, got none"),
         "twice": (lambda: bounds(arm, ["link2", "link2"]), "expected one or more different links"),

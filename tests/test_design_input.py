@@ -118,7 +118,7 @@ def test_the_margin_of_bounds_is_a_share_of_a_link_and_10_cm_at_least() -> None:
     np.testing.assert_allclose(tight.lower - wide.lower, max(2.0 * size, 0.1) - 0.1)
     assert (tight.mass, wide.mass) == (0.0, pytest.approx(1e6 * arm.links[2].inertia[0]))
     for shares in ((1.1e6, 0.0), (0.0, 1.1e6)):
-        with pytest.raises(InputError, match="expected ratios of at least 0, at most 1e\\+06"):
+        with pytest.raises(InputError, match="expected a ratio of at least 0, at most 1e\\+06"):
             MountingBounds.for_link(arm, "link3", *shares)
 
 

@@ -245,7 +245,7 @@ def test_poles_that_round_off_loses_may_be_as_much_faster_as_one_likes(capsys: p
         (["puma560_geared", "--control-period", "0"], "period: expected a positive time in s (1 ms is 0.001), got 0.0"),
         (
             ["puma560_geared", "--damping-ratio", "1", "--control-period", "0"],
-            "control period: expected a positive time in s",
+            "--control-period: expected a positive time in s",
         ),
         (["puma560_geared", "--method", "poles", "--poles", "1", "2"], "poles: expected two in the left half-plane"),
         (["puma560_geared", "--delay", "0.5"], "--delay: expected a whole number, got '0.5'"),

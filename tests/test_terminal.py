@@ -24,7 +24,7 @@ from adaptctl.cli.doctor import examined
 from adaptctl.cli.experiment import _computed
 from adaptctl.cli.main import _warnings_as_notes, _write_any_character, main
 from adaptctl.cli.output import WrappedTable, listed, titled
-from adaptctl.errors import TuningWarning
+from adaptctl.errors import StabilityWarning, TuningWarning
 
 ARM = "puma560_arm3"
 EXPERIMENT = ("experiment", "run", "adaptive", "--robot", ARM, "--duration", "0.05")
@@ -154,8 +154,8 @@ def test_list_is_told_as_json(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_a_warning_of_ours_is_a_note_and_is_shown_once(capsys: pytest.CaptureFixture[str]) -> None:
     with _warnings_as_notes():
-        for text in ("slow", "slow", "light"):
-            warnings.warn(text, TuningWarning, stacklevel=1)
+        for text, kind in (("slow", TuningWarning), ("slow", TuningWarning), ("light", StabilityWarning)):
+            warnings.warn(text, kind, stacklevel=1)
     assert capsys.readouterr().err == "adaptctl: note: slow\nadaptctl: note: light\n"
 
 

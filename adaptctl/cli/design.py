@@ -97,6 +97,8 @@ def design(
     LoopError
         If kinematic loops cannot be closed.
     """
+    from adaptctl.arrays import finite_number, positive_number
+    from adaptctl.description.link import MAX_INERTIAL_PARAMETER
     from adaptctl.design import DesignTask, design_study
     from adaptctl.design.report import as_builtins, report, write_study
     from adaptctl.errors import InputError
@@ -108,6 +110,9 @@ def design(
         raise InputError("--mount is a position on a link: add --link")
     if body is not None and mass is not None:
         raise InputError("--mass is for a point mass, and --body has a mass of its own: give one of them")
+    finite_number(energy_error, "--energy-error")
+    if mass is not None:
+        positive_number(mass, "--mass: expected a mass above 0 kg", most=MAX_INERTIAL_PARAMETER)
     asked = {"duration": duration, "control_period": control_period, "components": components}
     given = {name: value for name, value in asked.items() if value is not None}
     if given and not drive:

@@ -123,12 +123,15 @@ def _by_rule(
     mechanism: Mechanism, bandwidth: float | None, control_period: float, delay: int
 ) -> tuple[GainDesign, tuple[str, ...]]:
     """The design of the default gains, and what limits each joint's."""
+    from adaptctl.arrays import whole_number
     from adaptctl.control import GainDesign
+    from adaptctl.control.gains.error_feedback import MAX_DELAY
     from adaptctl.control.gains.gain_design import largest_with_delay
     from adaptctl.tuning.default_gains import DEFAULT_BANDWIDTH, DEFAULT_SAMPLING_RATIO, DefaultGains, near_reference
     from adaptctl.tuning.feasible_gains import limitations
 
     rule = DefaultGains.for_mechanism(mechanism, control_period=control_period)
+    whole_number(delay, "delay", 0, MAX_DELAY)
     hold = DEFAULT_SAMPLING_RATIO * largest_with_delay(delay) / largest_with_delay(0)
     carried = rule.carried(DEFAULT_BANDWIDTH if bandwidth is None else bandwidth, hold)
     place = near_reference(mechanism, rule.reference, rule.initial_error)

@@ -15,7 +15,7 @@ from cyclopts import App, ArgumentCollection, CycloptsError, Parameter
 from adaptctl.cli.heartbeat import heartbeat
 from adaptctl.cli.memory import collecting_seldom
 from adaptctl.cli.numbers import none_missing, numbers_apart, plain_numbers
-from adaptctl.cli.refusals import called, reason
+from adaptctl.cli.refusals import called, of_flag, reason
 from adaptctl.cli.robot import note_on
 from adaptctl.errors import (
     AdaptctlError,
@@ -24,6 +24,7 @@ from adaptctl.errors import (
     NotCompiledWarning,
     PhysicalConsistencyWarning,
     SimplificationWarning,
+    StabilityWarning,
     TuningWarning,
     VerdictError,
     printable,
@@ -119,7 +120,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         except VerdictError as error:
             return _complain(error, VERDICT)
         except InputError as error:
-            return _complain(error, FAILED if _is_full(error.__cause__) else WRONG_INPUT)
+            return _complain(of_flag(str(error), given), FAILED if _is_full(error.__cause__) else WRONG_INPUT)
         except (AdaptctlError, OSError, MemoryError) as error:
             return _failed(error)
         except KeyboardInterrupt:
@@ -182,7 +183,14 @@ def _complain(message: object, code: int) -> int:
 @contextmanager
 def _warnings_as_notes() -> Iterator[None]:
     """Show our own warnings as a line each, once; leave those of others as they are."""
-    ours = (PhysicalConsistencyWarning, SimplificationWarning, NotCompiledWarning, LiveViewWarning, TuningWarning)
+    ours = (
+        PhysicalConsistencyWarning,
+        SimplificationWarning,
+        NotCompiledWarning,
+        LiveViewWarning,
+        StabilityWarning,
+        TuningWarning,
+    )
     with warnings.catch_warnings():
         theirs, shown = warnings.showwarning, set[str]()
 

@@ -48,6 +48,15 @@ def reason(error: CycloptsError, given: Sequence[str], app: App) -> object:
     return f"{told or error} See {called(error.command_chain or ())} --help"
 
 
+def of_flag(message: str, given: Sequence[str]) -> str:
+    """Message on an argument, such as "arm: control_period: ...", with the flag that gave it in place of its name."""
+    for flag in (word.partition("=")[0] for word in given if word.startswith("--")):
+        name = "[_ ]".join(map(re.escape, flag.removeprefix("--").split("-")))
+        if found := re.match(rf"((?:[\w -]+: )?){name}:", message):
+            return f"{found[1]}{flag}{message[found.end() - 1 :]}"
+    return message
+
+
 def called(chain: Sequence[str]) -> str:
     """Words of a command."""
     return " ".join(("adaptctl", *chain))
@@ -60,7 +69,7 @@ def _missing(error: CycloptsError, given: Sequence[str]) -> str:
     name = error.argument.name.removeprefix("--") if error.argument.name.isupper() else error.argument.name
     what = told_by_help(error.target, error.argument).partition(". ")[0].rstrip(".")
     such = f", such as {OUT} results/new" if name == OUT else ""
-    told = f": {what[:1].lower()}{what[1:]}{such}" if what else ""
+    told = f": {what if what[:2].isupper() else what[:1].lower() + what[1:]}{such}" if what else ""
     return f"{name} {'needs a value' if name in given else 'is missing'}{told}."
 
 

@@ -108,7 +108,9 @@ def _effects(delay: int, encoder_bits: int) -> list[Effect]:
     """Stated delay and counts."""
     from adaptctl.arrays import whole_number
     from adaptctl.simulation.effects import ControlDelay, Encoder, FilteredDifferences
+    from adaptctl.simulation.effects.actuators import MAX_DELAY_PERIODS
 
+    whole_number(delay, "delay", 0, MAX_DELAY_PERIODS)
     whole_number(encoder_bits, "encoder_bits", 0, MAX_BITS)
     late = [ControlDelay(delay)] if delay else []
     counts = [Encoder(resolution=math.tau / 2**encoder_bits), FilteredDifferences(DIFFERENCE_CUTOFF)]

@@ -106,15 +106,7 @@ class MountingBounds:
         >>> round(MountingBounds.for_link(arm, "lower").mass, 2)
         0.24
         """
-        mass_ratio, max_offset = (
-            real_number(mass_ratio, "mounting bounds: mass_ratio"),
-            real_number(max_offset, "mounting bounds: max_offset"),
-        )
-        if not (0.0 <= mass_ratio <= MAX_RATIO and 0.0 <= max_offset <= MAX_RATIO):
-            raise InputError(
-                f"mounting bounds: mass_ratio, max_offset: expected ratios of at least 0, at most {MAX_RATIO:g}, "
-                f"got {mass_ratio} and {max_offset}"
-            )
+        mass_ratio, max_offset = _ratio(mass_ratio, "mass_ratio"), _ratio(max_offset, "max_offset")
         i = _index(mechanism, link)
         own = mechanism.links[i]
         points = [joint_line(own)[0], *attachments(mechanism.description)[i]]
@@ -186,6 +178,13 @@ def bounds(
     if len(set(names)) < len(names) or not names:
         raise InputError(f"links: expected one or more different links, got {', '.join(names) or 'none'}")
     return tuple(MountingBounds.for_link(mechanism, name, mass_ratio, max_offset) for name in names)
+
+
+def _ratio(value: object, name: str) -> float:
+    ratio = real_number(value, what := f"mounting bounds: {name}")
+    if not 0.0 <= ratio <= MAX_RATIO:
+        raise InputError(f"{what}: expected a ratio of at least 0, at most {MAX_RATIO:g}, got {ratio}")
+    return ratio
 
 
 def _index(mechanism: Mechanism, link: str) -> int:

@@ -94,7 +94,7 @@ def load(
     read_in = read(source, **options) if isinstance(source, str | Path) else read_model(source, **options)
     where = str(source) if is_file else read_in.name
     if gravity is not None:
-        read_in = replace(read_in, gravity=frozen_array(gravity, (3,), "gravity along x, y, z in m/s^2"))
+        read_in = replace(read_in, gravity=frozen_array(gravity, (3,), "gravity: x, y, z in m/s^2"))
     mechanism = Mechanism(replace(read_in, as_written=True) if as_written else as_meant(read_in, where))
     if not is_file:
         return mechanism.locked(lock) if lock else mechanism
