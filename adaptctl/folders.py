@@ -56,6 +56,16 @@ def replacing_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path
                 target.parent.rmdir()
 
 
+def validate_folder(path: str | Path, overwrite: bool = False) -> None:
+    """Raise `FileError` where `replacing_folder` could not write."""
+    with suppress(_Tried), replacing_folder(path, overwrite):
+        raise _Tried
+
+
+class _Tried(Exception):  # noqa: N818  # no error
+    """End of a trial, which leaves nothing."""
+
+
 def made_folder(path: Path) -> Path:
     """Create a folder with parents; return its path."""
     try:

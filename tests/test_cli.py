@@ -268,6 +268,16 @@ def test_folder_that_cannot_be_written_is_refused_before_anything_is_run(
     assert "choose another folder" in refused(capsys, *RUN, "--out", "/proc/results")
 
 
+@pytest.mark.parametrize("command", ["design", "export"])
+def test_a_place_that_cannot_be_written_is_refused_before_the_robot_is_read(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("")
+    assert "is below a file; give a folder" in refused(capsys, command, "gone.urdf", "--out", str(tmp_path / "file/x"))
+    assert "gone.urdf: cannot be read" in refused(capsys, command, "gone.urdf", "--out", str(tmp_path / "a/b"))
+    assert list(tmp_path.iterdir()) == [tmp_path / "file"]
+
+
 LISTED = f"{sys.executable} -m adaptctl experiment list"
 
 

@@ -102,10 +102,12 @@ def design(
     from adaptctl.design import DesignTask, design_study
     from adaptctl.design.report import as_builtins, report, write_study
     from adaptctl.errors import InputError
+    from adaptctl.folders import replacing_folder, validate_folder
     from adaptctl.optional_packages import validate_for_results
 
     if out is not None:
         validate_for_results()
+        validate_folder(out, overwrite)
     if mount is not None and link is None:
         raise InputError("--mount is a position on a link: add --link")
     if body is not None and mass is not None:
@@ -138,8 +140,6 @@ def design(
         return
     shown = report(study, detail, runs)
     if out is not None:
-        from adaptctl.folders import replacing_folder
-
         with replacing_folder(out, overwrite) as folder:
             write_study(folder, study, shown, content, runs)
     if json:

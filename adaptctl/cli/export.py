@@ -88,6 +88,7 @@ def export(
     """
     from adaptctl.codegen import export as exported
     from adaptctl.codegen.builds import COMPILERS, builds
+    from adaptctl.codegen.exporting import absent_folder
     from adaptctl.dynamics.joint_units import error_unit
     from adaptctl.errors import VerdictError
     from adaptctl.identifiability import ReducedModel
@@ -95,6 +96,7 @@ def export(
     from adaptctl.tuning.named_laws import guarded, named_law
     from adaptctl.tuning.rotors import warn_of_rotors
 
+    absent_folder(out)
     mechanism = reading.load(robot)
     warn_of_rotors(mechanism)
     model = ReducedModel(mechanism)

@@ -19,7 +19,7 @@ from adaptctl.control import Controller, Reference
 from adaptctl.dynamics.loops.single_precision import validate_single_precision
 from adaptctl.errors import FileError, InputError, printable
 from adaptctl.files import hashed, reason, write_json
-from adaptctl.folders import replacing_folder
+from adaptctl.folders import replacing_folder, validate_folder
 from adaptctl.optional_packages import needed
 from adaptctl.simulation.references import sampled
 from adaptctl.version import __version__
@@ -157,7 +157,7 @@ def export(
             "of torques, rates and positions, or pass without_safety_filter=True"
         )
     chosen = _name(interface, name)
-    target = _absent(directory)
+    target = absent_folder(directory)
     if scalar == "float" and interface.mechanism is not None:
         validate_single_precision(interface.mechanism, "scalar")
     followed = default_reference(interface) if reference is None else _required(reference, interface)
@@ -251,8 +251,8 @@ def _bytes(content: str | bytes) -> bytes:
     return content.encode() if isinstance(content, str) else content
 
 
-def _absent(directory: str | Path) -> Path:
-    """Absolute path, else `FileError`, also if it exists."""
+def absent_folder(directory: str | Path) -> Path:
+    """Absolute path, else `FileError`, also if it exists or cannot be created."""
     try:
         target = Path(os.path.realpath(directory))
         occupied = target.exists()
@@ -261,6 +261,7 @@ def _absent(directory: str | Path) -> Path:
         raise FileError(f"directory: expected the path of a folder, got {given} ({reason(error)})") from error
     if occupied:
         raise FileError(f"{directory}: already exists; give a folder that does not exist")
+    validate_folder(target)
     return target
 
 
