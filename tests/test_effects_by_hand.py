@@ -1,4 +1,4 @@
-"""Limits and small parts of effects and references, on both sides of what decides."""
+"""Limits and small parts of effects and plants, on both sides of what decides."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ from every_law import PAIR, on
 from adaptctl.arrays import Array
 from adaptctl.compilation.routine import MAX_COMPILED_LINKS
 from adaptctl.description.inertia import from_center_of_mass
-from adaptctl.dynamics import load
 from adaptctl.errors import InputError, NotFoundError
 from adaptctl.identifiability import Constraints, Relation, constrained
 from adaptctl.scalars import Column
-from adaptctl.simulation import LinearlyImplicitEuler, Plant, mujoco_plant
+from adaptctl.simulation import LinearlyImplicitEuler, Plant
 from adaptctl.simulation.closed_loop import not_compiled
 from adaptctl.simulation.effects import (
     ElasticJoints,
@@ -27,7 +26,6 @@ from adaptctl.simulation.effects import (
     Payload,
     PayloadHeld,
 )
-from adaptctl.simulation.mujoco_plant import MuJoCoPlant, contacts_along
 from adaptctl.simulation.rollout import KeptSamples
 
 
@@ -95,21 +93,6 @@ def test_a_payload_is_held_from_its_start_to_before_its_stop() -> None:
     PayloadHeld(2.0, link="a").validate(1, ("a", "b"), 1e-3)
     with pytest.raises(NotFoundError, match="payload: unknown link 'c'; links: a, b"):
         PayloadHeld(2.0, link="c").validate(1, ("a", "b"), 1e-3)
-
-
-def test_contacts_are_looked_for_over_twenty_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mujoco_plant, "contacts_at", lambda plant, positions: positions)
-    reference: Any = lambda t: SimpleNamespace(p=t)  # noqa: E731
-    found: Any = contacts_along(SimpleNamespace(), reference)  # type: ignore[arg-type]
-    np.testing.assert_allclose(found, 0.1 * np.arange(201))
-
-
-@pytest.mark.parametrize(("periods", "steps"), [(1.0, 1), (3.0, 3), (2.5, 3), (0.5, 1)])
-def test_a_control_period_is_whole_steps_of_mujoco(periods: float, steps: int) -> None:
-    model = load("two_link").to_mujoco()
-    plant = MuJoCoPlant.of(model, periods * model.opt.timestep)
-    assert plant._scene._substeps == steps
-    assert plant._scene._model.opt.timestep == pytest.approx(periods * model.opt.timestep / steps)
 
 
 def test_a_period_has_a_million_steps_at_most() -> None:
