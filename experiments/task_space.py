@@ -35,6 +35,7 @@ from adaptctl.experiments.experiment import setting, validate_count
 from adaptctl.experiments.over_time import over_time
 from adaptctl.identifiability import FundamentalBasis, ReducedModel
 from adaptctl.recording import Finding, Setting, TaskError, wording
+from adaptctl.recording.controller_run import FINAL_ERROR_TIME, FIRST_ERROR_TIME
 
 if TYPE_CHECKING:
     import gymnasium
@@ -65,8 +66,6 @@ ARMS = (
 )
 START_TIME = 2.0
 """s: length of the smooth (quintic) start"""
-FIRST_WINDOW, END = 1.0, 2.0
-"""s at the start and end over which errors are averaged"""
 
 
 @dataclass(frozen=True)
@@ -186,25 +185,38 @@ class TaskSpaceTracking(FromRanges):
             run.name: np.linalg.norm(tip.at(run.rollout.p) - self.path(run.rollout.time).p, axis=1)
             for run in outcome.runs
         }
-        findings, last = [], {}
-        for run in outcome.runs:
-            time = run.rollout.time
-            for what, length, inside in (
-                ("first", FIRST_WINDOW, time < FIRST_WINDOW),
-                ("final", END, time >= run.duration - END),
-            ):
-                last[run.name] = 1e3 * float(np.sqrt(np.mean(errors[run.name][inside] ** 2)))
-                meaning = f"{run.label}: RMS tool error, {what} {length:g} s"
-                findings.append(Finding(f"{what}_tool_error.{run.name}", last[run.name], "mm", meaning))
-        on, off = (wording.number(last.get(name)) for name in (outcome.runs[0].name, ADAPTATION_OFF))
-        least = min(last, key=lambda name: last[name])
-        answer = (
-            f"The RMS tool error in the last {END:g} s is {on} mm, and {off} mm without adaptation. The smallest error "
-            f"of all controllers is {wording.number(last[least])} mm ({outcome.run[least].label})."
-        )
+        task_error = TaskError("Distance of the tool from its path", "mm", errors)
         caption = "Distance of the tool from its path, one line per controller (logarithmic scale)."
         millimetres = {name: 1e3 * values for name, values in errors.items()}
         drawing = Drawing(
             "tool-error", caption, partial(over_time, outcome.runs, millimetres, "tool error [mm]"), plain=True
         )
-        return Told(findings, answer, (drawing,), TaskError("Distance of the tool from its path", "mm", errors))
+        return Told(list(_findings(outcome, task_error)), _answer(outcome, task_error), (drawing,), task_error)
+
+
+def _findings(outcome: Outcome, task_error: TaskError) -> Iterator[Finding]:
+    """First and last errors of the tool, in runs that are long enough."""
+    for run in outcome.runs:
+        start = task_error.errors[run.name][run.rollout.time < FIRST_ERROR_TIME]
+        first = None if run.first_rms_error is None else float(np.sqrt(np.mean(start**2)))
+        for what, length, error in (
+            ("first", FIRST_ERROR_TIME, first),
+            ("final", FINAL_ERROR_TIME, task_error.final_rms(run)),
+        ):
+            if error is not None:
+                meaning = f"{run.label}: RMS tool error, {what} {length:g} s"
+                yield Finding(f"{what}_tool_error.{run.name}", 1e3 * error, "mm", meaning)
+
+
+def _answer(outcome: Outcome, task_error: TaskError) -> str | None:
+    """Last errors of the tool in words; None where the first run is too short."""
+    final = ((run.name, task_error.final_rms(run)) for run in outcome.runs)
+    last = {name: 1e3 * error for name, error in final if error is not None}
+    if outcome.runs[0].name not in last:
+        return None
+    on, off = (wording.number(last.get(name)) for name in (outcome.runs[0].name, ADAPTATION_OFF))
+    least = min(last, key=lambda name: last[name])
+    return (
+        f"The RMS tool error in the last {FINAL_ERROR_TIME:g} s is {on} mm, and {off} mm without adaptation. The "
+        f"smallest error of all controllers is {wording.number(last[least])} mm ({outcome.run[least].label})."
+    )

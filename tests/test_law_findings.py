@@ -262,9 +262,9 @@ def test_tool_errors_are_of_the_first_and_the_last_seconds(monkeypatch: pytest.M
     monkeypatch.setattr(TaskSpaceTracking, "tip", lambda *_: SimpleNamespace(at=lambda p: p))
     monkeypatch.setattr(TaskSpaceTracking, "path", lambda _, time: SimpleNamespace(p=np.ones((len(time), 3))))
 
-    def run(name: str, share: float) -> ControllerRun:
-        p = 1.0 + share * size[:, None] * np.array([2.0, -1.0, 2.0]) / 3.0  # of length one
-        return run_of(size, name, p=p)
+    def run(name: str, share: float, count: int = 600) -> ControllerRun:
+        p = 1.0 + share * size[:count, None] * np.array([2.0, -1.0, 2.0]) / 3.0  # of length one
+        return run_of(size[:count], name, p=p, reference_p=1.0 + 0.0 * p)
 
     outcome = Outcome(ARM, (run("task-space", 1.0), run(ADAPTATION_OFF, 2.0), run("joint-space", 0.5)), True)
     told = TaskSpaceTracking.told(TaskSpaceTracking(), outcome, None)  # type: ignore[arg-type]
@@ -277,6 +277,9 @@ def test_tool_errors_are_of_the_first_and_the_last_seconds(monkeypatch: pytest.M
     assert "is 2 mm (Joint-Space)" in told.answer
     assert told.task_error is not None
     assert told.task_error.errors["task-space"] == pytest.approx(size)
+    outcome = Outcome(ARM, (run("task-space", 1.0, 30),), True)
+    short = TaskSpaceTracking.told(TaskSpaceTracking(), outcome, None)  # type: ignore[arg-type]
+    assert (list(short.findings), short.answer) == ([], None)
 
 
 def test_an_answer_on_two_arms_compares_their_operations() -> None:
