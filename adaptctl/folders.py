@@ -35,7 +35,7 @@ AT_FDCWD, RENAME_EXCHANGE = -100, 2
 def replacing_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
     """Context with a temporary folder that replaces `path` at success."""
     target = real_place(path)
-    made = not target.parent.exists()
+    missing = [above for above in target.parents if not above.exists()]
     _validate_place(path, target, overwrite)
     _validate_alone(path, target)
     beside = _beside(target)
@@ -52,8 +52,8 @@ def replacing_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path
     finally:
         shutil.rmtree(beside, ignore_errors=True)
         with suppress(OSError):  # not empty, after success
-            if made:
-                target.parent.rmdir()
+            for above in missing:
+                above.rmdir()
 
 
 def validate_folder(path: str | Path, overwrite: bool = False) -> None:

@@ -73,6 +73,13 @@ def test_a_failed_folder_leaves_the_old_one_and_nothing_else(tmp_path: Path, fai
     assert names(tmp_path) == {"out"}
 
 
+def test_a_failed_folder_leaves_none_of_those_above_it_that_were_missing(tmp_path: Path) -> None:
+    (tmp_path / "there").mkdir()
+    with pytest.raises(ValueError, match="failed"), replacing_folder(tmp_path / "there" / "a" / "b" / "out"):
+        raise ValueError("failed")
+    assert list(tmp_path.rglob("*")) == [tmp_path / "there"]
+
+
 def test_ctrl_c_as_the_temporary_folder_is_made_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     mkdir = Path.mkdir
 
