@@ -24,6 +24,7 @@ from adaptctl.cli.doctor import examined
 from adaptctl.cli.experiment import _computed
 from adaptctl.cli.main import _warnings_as_notes, _write_any_character, main
 from adaptctl.cli.output import WrappedTable, listed, titled
+from adaptctl.compilation.object_cache import ObjectCache
 from adaptctl.errors import StabilityWarning, TuningWarning
 
 ARM = "puma560_arm3"
@@ -107,6 +108,22 @@ def test_doctor_names_what_is_missing(
     assert examined()["cache"]["folder"] is None
     assert main(["doctor"]) == 1
     assert "wrong: the viewer is missing: pip install rerun-sdk" in capsys.readouterr().out
+
+
+def test_doctor_names_a_cache_that_cannot_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").touch()
+    for place, cause in (("file", "file exists"), ("file/below", "not a directory")):
+        monkeypatch.setenv("ADAPTCTL_CACHE", str(tmp_path / place))
+        assert main(["doctor"]) == 1
+        told = f"wrong: {tmp_path / place}: nothing can be cached, and all is compiled anew ({cause}): make it writable"
+        assert told in capsys.readouterr().out
+    cache = ObjectCache(tmp_path / "new")
+    assert cache.fault() is None
+    assert list(cache.folder.iterdir()) == []
+    cache.folder.chmod(0o777)
+    assert cache.fault() == "the cache of compiled objects is writable by other users"
 
 
 def test_completion_knows_commands_experiments_and_flags_and_is_installed_unless_a_file_is_named(

@@ -36,9 +36,9 @@ def examined() -> dict[str, Any]:
 
     required, extras = _requirements()
     packages = {name: _version(name) for name in required}
-    compiler, viewer = _compiler(), viewer_program()
+    compiler, cache, viewer = _compiler(), _cache(), viewer_program()
     wrong = [f"{name} is missing: pip install {name}" for name, found in packages.items() if found is None]
-    wrong += [compiler["error"]] if compiler["error"] else []
+    wrong += [part["error"] for part in (compiler, cache) if part["error"]]
     wrong += [] if viewer else ["the viewer is missing: pip install rerun-sdk"]
     return {
         "schema": SCHEMA,
@@ -47,7 +47,7 @@ def examined() -> dict[str, Any]:
         "platform": platform.platform(),
         "packages": packages,
         "compiler": compiler,
-        "cache": _cache(),
+        "cache": cache,
         "viewer": viewer,
         "extras": {extra: {name: _version(name) for name in names} for extra, names in extras.items()},
         "wrong": wrong,
@@ -88,11 +88,14 @@ def _compiler() -> dict[str, Any]:
 
 
 def _cache() -> dict[str, Any]:
-    from adaptctl.compilation.object_cache import cache_folder, stored_objects
+    from adaptctl.compilation.object_cache import ObjectCache, cache_folder, stored_objects
 
     folder = cache_folder()
+    fault = ObjectCache(folder).fault() if folder else None
+    instead = "make it writable, or name another folder, or off, by ADAPTCTL_CACHE"
+    error = f"{folder}: nothing can be cached, and all is compiled anew ({fault}): {instead}" if fault else None
     sizes = [status.st_size for status, _ in stored_objects(folder)] if folder and folder.is_dir() else []
-    return {"folder": str(folder) if folder else None, "objects": len(sizes), "bytes": sum(sizes)}
+    return {"folder": str(folder) if folder else None, "objects": len(sizes), "bytes": sum(sizes), "error": error}
 
 
 def _lines(found: dict[str, Any]) -> Iterator[str]:

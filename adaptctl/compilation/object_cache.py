@@ -15,10 +15,13 @@ from typing import NamedTuple, TypeVar
 import msgspec
 import numpy as np
 
-from adaptctl.files import hashed
+from adaptctl.files import hashed, reason
 
 MAX_CACHE_BYTES = 256 * 2**20
 """Largest size in bytes, plus a 64th per writing process; the oldest objects are deleted."""
+
+TRIAL_BYTES = 2**18
+"""size of a large object, for which there should be room"""
 
 SUFFIX = ".object"
 
@@ -72,13 +75,26 @@ class ObjectCache(NamedTuple):
     def put(self, key: bytes, data: bytes) -> None:
         """Store bytes under a key; delete the least recently used when full."""
         try:
-            self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            _validate_own(self.folder.stat())
-            _write(self._path(key), _head(key, data) + data)
+            self._store(key, data)
             if self._may_be_full(_HEAD + len(data)):
                 self._shrink()
         except OSError as error:
             _log("not cached: %s", error)
+
+    def fault(self) -> str | None:
+        """Why nothing can be stored, found by trying; None where it can."""
+        key = os.urandom(32)
+        try:
+            self._store(key, bytes(TRIAL_BYTES))
+            self._path(key).unlink()
+        except OSError as error:
+            return reason(error)
+        return None
+
+    def _store(self, key: bytes, data: bytes) -> None:
+        self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        _validate_own(self.folder.stat())
+        _write(self._path(key), _head(key, data) + data)
 
     def _path(self, key: bytes) -> Path:
         return self.folder / f"{key.hex()}{SUFFIX}"
