@@ -8,12 +8,14 @@ import os
 import re
 import subprocess
 import sys
+from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
 from adaptctl.cli.main import main
+from adaptctl.errors import InputError
 from adaptctl.experiments import EXPERIMENTS
 
 RUN = ("experiment", "run", "puma560-adaptive")
@@ -205,6 +207,17 @@ def test_a_file_of_the_same_name_or_of_another_kind_is_told(
     assert "(did you mean 'gantry.toml'?)" in refused(capsys, "basis", "gantry.urdf")
     assert "arm.urdf: expected a TOML file, got a .urdf" in refused(capsys, "contest", "arm.urdf", "--out", "a")
     assert "gone.xml: cannot be read" in refused(capsys, "drive", "mujoco", "gone.xml", *DRIVE[3:])
+
+
+def test_what_an_arm_does_is_not_said_of_the_flag_of_its_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def moving(*_: object) -> None:
+        raise InputError("robot: shoulder moves, at 0.1 rad/s: start at rest")
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(import_module("adaptctl.hardware.drive"), "standing", moving)
+    assert refused(capsys, *DRIVE) == "robot: shoulder moves, at 0.1 rad/s: start at rest"
 
 
 def test_unknown_robot_is_told_what_exists(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

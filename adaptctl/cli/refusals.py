@@ -51,6 +51,8 @@ def reason(error: CycloptsError, given: Sequence[str], app: App) -> object:
 def of_flag(message: str, given: Sequence[str]) -> str:
     """Message on an argument, such as "arm: control_period: ...", with the flag that gave it in place of its name."""
     for flag in (word.partition("=")[0] for word in given if word.startswith("--")):
+        if flag == "--robot" and given[0] == "drive":
+            continue  # messages tell of the arm itself, not of its file
         name = "[_ ]".join(map(re.escape, flag.removeprefix("--").split("-")))
         if found := re.match(rf"((?:[\w -]+: )?){name}:", message):
             return f"{found[1]}{flag}{message[found.end() - 1 :]}"
