@@ -82,7 +82,7 @@ class ObjectCache(NamedTuple):
             _log("not cached: %s", error)
 
     def fault(self) -> str | None:
-        """Why nothing can be stored, found by trying; None where it can."""
+        """Reason why nothing can be stored, found by trying; None where it can."""
         key = os.urandom(32)
         try:
             self._store(key, bytes(TRIAL_BYTES))
