@@ -175,7 +175,7 @@ def test_what_is_written_is_the_body_to_others() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"payload_mass": 2.0}, "payload_mass, payload_after: of no payload; give payloads"),
+        ({"payload_mass": 2.0}, "payload_mass: of no payload; give payloads"),
         ({"payloads": {"other.csv": "tool0"}}, r"payloads: expected one of the logs log\.csv, got 'other\.csv'"),
         ({"payloads": {"log.csv": "a"}, "payload_mass": -1.0}, "payload_mass: expected a positive number of kg"),
     ],

@@ -75,7 +75,7 @@ def driven(**changed: Any) -> DrivenRun:
     times.busy = 2.5e-3
     time = 1e-3 * np.arange(3000)
     error = np.where((time < 0.999)[:, None], 1.0, [2e-3, -3e-3])
-    rollout: Any = SimpleNamespace(time=time, error=error)
+    rollout: Any = SimpleNamespace(time=time, error=error, duration=3.0)
     given: Any = {"rollout": rollout, "times": times, "stopped": "", "by_robot": False, "first_error": 0.00125}
     given |= {"peak_torque_rate": 1234.5, "peak_speed_share": 0.456, "compensates_gravity": True}
     return DrivenRun(**(given | changed))
@@ -85,6 +85,7 @@ def test_the_report_of_a_drive_has_its_numbers_in_their_units() -> None:
     told = shown(*drive._report(driven(), ARM, Path("out")))
     joints = [line.split()[1:] for line in told.splitlines() if line.strip().startswith(ARM.primary_joints[0].name)]
     assert joints == [["2", "mrad"]]
+    assert "RMS error of the last 2 s" in told
     assert "first error 1.2 mrad; greatest torque rate 1234 N m/s; greatest speed 46% of a limit" in told
     assert "1 periods off, at most 1 late in a row, the longest 1.3 ms" in told
     assert "longest computation of a torque 2.5 ms, 2.5 periods: a robot would not have waited" in told

@@ -341,7 +341,7 @@ def test_command_drives_a_scene_and_says_what_happened(
     assert summary["peak_torque_rate"] <= 950.0
     assert (tmp_path / "run" / "recording.rrd").stat().st_size > 0
     assert len(adaptctl.Rollout.load(tmp_path / "run" / "run.parquet").time) == 800
-    assert "RMS error of the last two seconds" in capsys.readouterr().out
+    assert "RMS error of the last 0.8 s" in capsys.readouterr().out
     assert main([*given[:-1], "-1", "--out", str(tmp_path / "other")]) == 2
     assert "--duration: expected a positive time" in capsys.readouterr().err
     assert main(["drive", "ur", "x", *given[3:], "--out", str(tmp_path / "other")]) == 1

@@ -88,5 +88,6 @@ def test_a_notebook_shows_the_last_two_seconds_and_a_picture() -> None:
     picture = base64.b64decode(re.findall('base64,([^"]*)', html)[0])
     assert struct.unpack(">I", picture[16:20]) == (640,)
     assert "samples" not in html
+    assert "over the last 1 s: " in run(11, time=0.1 * np.arange(11))._repr_html_()
     none = replace(many, **{name: getattr(many, name)[:0] for name in ("time", "p", "reference_p")})
-    assert none._repr_html_().endswith("over the last 2 s: nan mrad (mm)</p>")
+    assert none._repr_html_().endswith("over the last 0 s: nan mrad (mm)</p>")

@@ -16,7 +16,7 @@ from adaptctl.arrays import Array
 from adaptctl.dynamics import load
 from adaptctl.experiments.adaptive import AdaptiveTracking
 from adaptctl.recording import Comparison, Failure, Finding, TaskError, judged
-from adaptctl.recording.figures import lyapunov
+from adaptctl.recording.figures import joint_errors, lyapunov
 from adaptctl.recording.judgement import facts, outcome_words
 from adaptctl.recording.report import report, write_artifacts
 from adaptctl.recording.rerun_recording import finite_part, summary_markdown
@@ -83,6 +83,7 @@ def test_adaptation_off_that_fell_is_not_said_to_stay() -> None:
     assert "the same controller was stopped at 0.47 s" in outcome_words(fell)
     assert "remains" not in outcome_words(fell)
     assert answers(facts(fell))["… without adaptation"].startswith("stopped at 0.47 s")
+    assert [axes.get_title() for axes in joint_errors(fell).axes[1::2]] == ["the last 2 s", "the last 0.47 s"]
 
 
 def test_errors_that_no_tracking_has_are_divergence() -> None:

@@ -220,6 +220,7 @@ def as_builtins(run: DrivenRun, arm: Mechanism) -> dict[str, Any]:
 
 def _report(run: DrivenRun, arm: Mechanism, out: Path) -> Iterator[RenderableType]:
     from adaptctl.dynamics.joint_units import error_unit, position_units
+    from adaptctl.hardware.driven_run import FINAL
 
     if run.stopped:
         yield words((f"STOPPED: {run.stopped}", "bold red"))
@@ -230,7 +231,8 @@ def _report(run: DrivenRun, arm: Mechanism, out: Path) -> Iterator[RenderableTyp
         yield words(_carried(run.payload))
     unit, errors = error_unit(arm), zip(names, run.final_rms_error, position_units(arm), strict=False)
     rows = [[name, f"{1e3 * error:.3g} m{of}"] for name, error, of in errors]
-    yield titled("RMS error of the last two seconds", WrappedTable(("joint", "error"), rows))
+    length = min(FINAL, run.rollout.duration) if run.rollout else FINAL
+    yield titled(f"RMS error of the last {length:.2g} s", WrappedTable(("joint", "error"), rows))
     yield words(
         f"first error {_thousandths(run.first_error)} {unit}; greatest torque rate {run.peak_torque_rate:.4g} N m/s; "
         f"greatest speed {run.peak_speed_share:.0%} of a limit; {run.times.off} periods off, at most "

@@ -36,7 +36,8 @@ def with_unknown_payloads(
         positive_number(mass, "payload_mass: expected a positive number of kg")
     since = -math.inf if after is None else real_number(after, "payload_after")
     if not payloads and not (mass is None and after is None):
-        raise InputError("payload_mass, payload_after: of no payload; give payloads (--payload LOG=LINK) too")
+        given = "payload_after" if mass is None else "payload_mass"
+        raise InputError(f"{given}: of no payload; give payloads (--payload LOG=LINK) too")
     for log in payloads or {}:
         if not any(same_place(log, own) for own in logs):
             raise InputError(f"payloads: expected one of the logs {', '.join(map(str, logs))}, got {log!r}")

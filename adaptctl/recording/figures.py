@@ -38,8 +38,8 @@ def drawings(comparison: Comparison) -> dict[str, Drawing]:
             tracking_error,
         ),
         "joint-errors": (
-            f"Tracking errors of all joints, {comparison.error_unit}: {_labels(comparison)}; and the last "
-            f"{FINAL_ERROR_TIME:g} s on a scale of their own.",
+            f"Tracking errors of all joints, {comparison.error_unit}: {_labels(comparison)}; and their "
+            "ends on a scale of their own.",
             joint_errors,
         ),
         "lyapunov": (
@@ -128,7 +128,7 @@ def joint_errors(comparison: Comparison) -> Figure:
         _errors_from(whole, comparison, run, 0.0)
         _errors_from(end, comparison, run, max(0.0, run.duration - FINAL_ERROR_TIME))
         whole.set_title(run.label)
-        end.set_title(f"the last {FINAL_ERROR_TIME:g} s")
+        end.set_title(f"the last {min(FINAL_ERROR_TIME, run.duration):.2g} s")
         whole.set_ylabel(f"error [{comparison.error_unit}]")
     for axes in grid[-1]:
         axes.set_xlabel("time [s]")

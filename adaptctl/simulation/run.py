@@ -289,9 +289,10 @@ class Rollout:
     def _repr_html_(self) -> str:
         last = self.error[self.time >= self.time[-1] - FINAL_WINDOW] if len(self.time) else self.error
         rms = 1e3 * float(np.sqrt(np.mean(last**2))) if last.size else float("nan")
+        length = min(FINAL_WINDOW, np.ptp(self.time)) if len(self.time) else 0.0
         end = "stopped at the error limit" if self.terminated else "completed" if self.reached_end else "interrupted"
         text = f"{len(self.time):,} control periods of {self.control_period:g} s, {self.p.shape[1]} joints; {end}; "
-        head = f"<p><b>Rollout</b> {text}RMS error over the last {FINAL_WINDOW:g} s: {rms:.3g} mrad (mm)</p>"
+        head = f"<p><b>Rollout</b> {text}RMS error over the last {length:.2g} s: {rms:.3g} mrad (mm)</p>"
         if not len(self.time):
             return head
         buffer, about = io.BytesIO(), "positions, errors, torques and estimates over time"
