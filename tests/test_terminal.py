@@ -25,7 +25,7 @@ from adaptctl.cli.experiment import _computed
 from adaptctl.cli.main import _warnings_as_notes, _write_any_character, main
 from adaptctl.cli.output import WrappedTable, listed, titled
 from adaptctl.compilation.object_cache import ObjectCache
-from adaptctl.errors import StabilityWarning, TuningWarning
+from adaptctl.errors import ReferenceWarning, TuningWarning
 
 ARM = "puma560_arm3"
 EXPERIMENT = ("experiment", "run", "adaptive", "--robot", ARM, "--duration", "0.05")
@@ -171,7 +171,7 @@ def test_list_is_told_as_json(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_a_warning_of_ours_is_a_note_and_is_shown_once(capsys: pytest.CaptureFixture[str]) -> None:
     with _warnings_as_notes():
-        for text, kind in (("slow", TuningWarning), ("slow", TuningWarning), ("light", StabilityWarning)):
+        for text, kind in (("slow", TuningWarning), ("slow", TuningWarning), ("light", ReferenceWarning)):
             warnings.warn(text, kind, stacklevel=1)
     assert capsys.readouterr().err == "adaptctl: note: slow\nadaptctl: note: light\n"
 

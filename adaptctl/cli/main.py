@@ -12,23 +12,13 @@ from typing import TextIO
 
 from cyclopts import App, ArgumentCollection, CycloptsError, Parameter
 
+from adaptctl import errors
 from adaptctl.cli.heartbeat import heartbeat
 from adaptctl.cli.memory import collecting_seldom
 from adaptctl.cli.numbers import none_missing, numbers_apart, plain_numbers
 from adaptctl.cli.refusals import called, of_flag, reason
 from adaptctl.cli.robot import note_on
-from adaptctl.errors import (
-    AdaptctlError,
-    InputError,
-    LiveViewWarning,
-    NotCompiledWarning,
-    PhysicalConsistencyWarning,
-    SimplificationWarning,
-    StabilityWarning,
-    TuningWarning,
-    VerdictError,
-    printable,
-)
+from adaptctl.errors import AdaptctlError, InputError, VerdictError, printable
 from adaptctl.optional_packages import needed
 from adaptctl.stages import watching
 
@@ -183,14 +173,7 @@ def _complain(message: object, code: int) -> int:
 @contextmanager
 def _warnings_as_notes() -> Iterator[None]:
     """Show our own warnings as a line each, once; leave those of others as they are."""
-    ours = (
-        PhysicalConsistencyWarning,
-        SimplificationWarning,
-        NotCompiledWarning,
-        LiveViewWarning,
-        StabilityWarning,
-        TuningWarning,
-    )
+    ours = tuple(kind for kind in vars(errors).values() if isinstance(kind, type) and issubclass(kind, UserWarning))
     with warnings.catch_warnings():
         theirs, shown = warnings.showwarning, set[str]()
 
