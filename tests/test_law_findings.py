@@ -299,6 +299,7 @@ def test_an_answer_on_two_arms_compares_their_operations() -> None:
     told = _answer(arms)
     assert "0.5 mm (serial arm) and 0.5 mm (loop)" in told
     assert "takes 3 times the operations, for 23 base parameters instead of 15." in told
+    assert _answer({"a": arms["a"] | {"findings": {}}}) == "A run is too short for a final tip error."
     assert "times the operations" not in _answer({"a": arms["a"]})
     assert "times the operations" not in _answer(arms | {"b": arm("loop", 0, 23)})
 

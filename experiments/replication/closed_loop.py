@@ -165,6 +165,8 @@ def _flops(arm: dict[str, Any], run: str) -> int:
 def _answer(arms: dict[str, dict[str, Any]]) -> str:
     ends = " and ".join(f"{_answers(arm)[LAST]} ({arm['label']})" for arm in arms.values())
     text = f"Starting from zero estimates, the final tip error is {ends} on the common path."
+    if "–" in ends.split():
+        text = "A run is too short for a final tip error."
     ticks, ranks = ([of(arm) for arm in arms.values()] for of in (partial(_flops, run=ADAPTIVE), itemgetter("rank")))
     if len(ticks) < len(ARMS) or not all(ticks):
         return text
