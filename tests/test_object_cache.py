@@ -391,7 +391,6 @@ print(plus(41.0))
 """
 
 
-@nightly
 @pytest.mark.usefixtures("folder")
 def test_a_process_may_fork_while_its_threads_compile() -> None:
     """The children use what was compiled, and compile themselves."""

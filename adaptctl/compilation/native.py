@@ -182,6 +182,8 @@ def _emitted(text: str, machine: llvm.TargetMachine) -> bytes:
 
 @functools.cache
 def _compiler() -> threading.RLock:
+    import logging  # noqa: F401  # whose lock a fork must take after ours, under which the cache logs
+
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     # LLVM joins the loads of a block in lists of up to 2048, and compares each with each: 1,296 gains took seconds.
