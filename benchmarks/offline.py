@@ -40,7 +40,7 @@ def measure(effort: Effort) -> Iterator[Finding]:
         },
         effort,
     )
-    yield Measurement("essential space of the PUMA, with its certificate", raced.time("puma"), "s", 0.010)
+    yield Measurement("essential space of the PUMA, with its certificate", raced.time("puma"), "s", 0.006)
     yield Measurement(f"null vectors of a chain of {LONG} links", raced.time("long"), "s", 0.025)
     yield Measurement(f"exponent of its growth, from {HALF} links to {LONG}", growth(raced, "half", "long"), "", 1.3)
     whole = "null vectors, kept parameters and regrouping matrix"
