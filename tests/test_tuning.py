@@ -283,7 +283,7 @@ def test_the_command_tells_people_and_programs(capsys: pytest.CaptureFixture[str
     assert said["verified"][0]["name"] == "nominal"
     assert said["verified"][0]["is_learning"] is True
     assert main(["tune", "two_link", "--control-period", "nan"]) == 2
-    assert "control_period: expected" in capsys.readouterr().err
+    assert "--control-period: expected" in capsys.readouterr().err
 
 
 @nightly
