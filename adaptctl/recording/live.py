@@ -141,7 +141,7 @@ class Live:
         self._disconnect()
         if self._process is not None:
             with suppress(subprocess.TimeoutExpired):
-                self._process.wait(FILE_TIMEOUT if is_file(str(self.url)) else VIEWER_TIMEOUT)
+                self._process.wait(FILE_TIMEOUT if is_file(self.url or "") else VIEWER_TIMEOUT)
             self._process.kill()
             self._process.wait()
             self._process = None
